@@ -16,7 +16,7 @@ def main() -> None:
         print("hsplat: this system is not supported; hsplat runs on Linux and macOS", file=sys.stderr)
         sys.exit(1)
     try:
-        # Imported here: Ctrl-C during the import is a message and not a traceback.
+        # Imported here, so that Ctrl-C during the import gives a message and not a traceback.
         from hsplat_cli.main import main as run
 
         run()

@@ -21,12 +21,19 @@ import tempfile
 from pathlib import Path
 from typing import Callable  # noqa: UP035  for an old Python
 
+# The checkout.
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
-INSTALL_RECORD = VENV / "hsplat-bootstrap.json"  # only this module writes it
+# The record of the Python and the sources that `.venv` has. Only this module writes it, and knows its own `.venv` by
+# it.
+INSTALL_RECORD = VENV / "hsplat-bootstrap.json"
+# The files and folders of the checkout that a wheel is built from.
 SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "hsplat_cli", "renderer")
+# The oldest version of Python that hsplat runs on.
 MIN_PYTHON = (3, 10)
+# The Debian packages of OpenGL without a screen.
 GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
+# A program that fails, with the reason, if hsplat cannot draw splats by OpenGL.
 GL_PROBE = """
 from renderer.draw import SplatRasterizer
 from renderer.errors import RenderError
@@ -76,8 +83,8 @@ def demo() -> int:
 
 def test() -> int:
     """Run the tests on the installed wheel."""
-    # Not `python -m pytest`, which would import the checkout. Up to four processes; each takes whole files, in their
-    # order: the files of one long test would come last otherwise.
+    # Not `python -m pytest`, which would import the checkout. Up to four processes take whole files, in the files'
+    # order: pytest-xdist would otherwise start files with few tests, such as one long test, last.
     lanes = ("--numprocesses=auto", "--maxprocesses=4", "--dist=loadfile", "--no-loadscope-reorder")
     return run(VENV / "bin" / "pytest", *lanes, HSPLAT_TEST_INSTALLED="1")
 
@@ -134,7 +141,7 @@ def find_venv_problem() -> str:
 
 def find_opengl_problem() -> str:
     """Return the reason why OpenGL does not work without a screen, or an empty string; `.venv` must be there."""
-    # Isolated, so that it imports the installed wheel. A driver may crash.
+    # Python runs isolated (-I), so that it imports the installed wheel, and in a new process, as a driver may crash.
     command = [str(VENV / "bin" / "python"), "-I", "-c", GL_PROBE]
     result = subprocess.run(command, stderr=subprocess.PIPE, check=False)
     if result.returncode == 0:
@@ -159,7 +166,7 @@ def install(extra: str) -> None:
         # An installation for the tests can also render the demo.
         if present.get("sources") == wanted["sources"] and present.get("extra") in (extra, "[test]"):
             return
-        # While pip runs, only the Python is known.
+        # While pip runs, the record has only the Python: after an interrupt, pip runs again.
         write_install_record({"python": python})
         say("installing hsplat and its libraries into .venv")
         if run(VENV / "bin" / "python", "-m", "pip", "install", folder + extra, PIP_USER="0") != 0:
@@ -168,7 +175,10 @@ def install(extra: str) -> None:
 
 
 def make_venv() -> None:
-    """Make an empty `.venv` again; the record comes first, so that a half-made folder is known as ours."""
+    """Make an empty `.venv` again.
+
+    The install record is written first, so that a later run knows a half-made folder as its own.
+    """
     say("making .venv")
     if VENV.exists():
         shutil.rmtree(str(VENV))
@@ -197,7 +207,7 @@ def digest(folder: Path) -> str:
 
 
 def copy_sources(folder: Path) -> None:
-    """Copy the sources of the wheel."""
+    """Copy the sources that a wheel is built from into a folder."""
     for name in SOURCES:
         source = ROOT / name
         if source.is_dir():
@@ -223,7 +233,7 @@ def write_install_record(record: "dict[str, str]") -> None:
 
 
 def run(*command: object, **variables: str) -> int:
-    """Run a program in the checkout and return its exit status; `variables` join its environment."""
+    """Run a program in the checkout and return its exit status. variables: added to the program's environment."""
     # Without PYTHONPATH and PYTHONHOME, which would put other code before the packages of .venv.
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
     environment.update(variables)

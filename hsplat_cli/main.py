@@ -43,7 +43,7 @@ COMMANDS = {
 
 # The class of the error that click 8.2 and newer raise for a command line without arguments; no class in older ones.
 _NO_ARGUMENTS_ERROR: type[click.UsageError] | tuple[()] = getattr(click.exceptions, "NoArgsIsHelpError", ())
-# Parts of the messages of the dynamic linker and of Python's threads when memory runs out.
+# Parts of the messages by which the dynamic linker and Python's threads report that memory has run out.
 _OUT_OF_MEMORY_TEXTS = ("failed to map segment", "annot allocate memory", "can't start new thread")
 
 
@@ -90,7 +90,7 @@ def hsplat(context: click.Context, shows_version: bool, is_verbose: bool) -> Non
 
 
 def _version_text(*, is_verbose: bool) -> str:
-    """Return the version of hsplat; with is_verbose, a line for everything that a picture depends on."""
+    """Return the version of hsplat; with is_verbose, also a line for each program that pictures depend on."""
     from renderer.system import package_versions
 
     versions = package_versions()
@@ -154,7 +154,7 @@ def _invoke(arguments: Sequence[str]) -> int:
 def _print_usage_error(error: click.ClickException) -> None:
     """Print an error of click in click's own layout, with the arguments that it quotes made printable."""
     lines = [f"Error: {error.format_message()}"]
-    if isinstance(error, _NO_ARGUMENTS_ERROR):  # its message is the help
+    if isinstance(error, _NO_ARGUMENTS_ERROR):  # the message of this error is the help
         lines = error.format_message().splitlines()
     elif isinstance(error, click.UsageError) and error.ctx is not None:
         usage, help_hint = error.ctx.get_usage(), f"Try '{error.ctx.command_path} --help' for help."

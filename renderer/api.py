@@ -1,6 +1,6 @@
 """Define the Python API: pictures, films and exact pictures from a scene file, a Scene or a numpy array.
 
-It draws in this process, on all cores, to the same bytes as the command `hsplat render`.
+The API draws in this process, on all cores, to the same bytes as the command `hsplat render`.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from renderer.scene import (
 )
 from renderer.system import ctrl_c_stops_kernels, num_cores, printable
 
-# An output that may have any size and background, for pictures that are not written.
+# The output of a scene whose pictures are not written: it allows pictures of any size and background.
 _ANY_PICTURE = "{frame}.png"
 
 
@@ -65,7 +65,7 @@ class FrameImage(np.ndarray[tuple[int, ...], np.dtype[np.uint8]]):  # from NumPy
     """
 
     def _repr_png_(self) -> bytes | None:
-        """Return the picture as a PNG file; None for an array that is not a picture, such as one channel."""
+        """Return the picture as the bytes of a PNG file; None for an array that is no picture, such as one channel."""
         is_picture = self.dtype == np.uint8 and self.ndim == 3 and self.shape[2] in (3, 4) and self.size > 0
         return encode_png(np.ascontiguousarray(self)) if is_picture else None
 
@@ -77,13 +77,13 @@ class Film:
     Attributes
     ----------
     path: the file, or the template of the numbered frames, such as `frames/{frame:04}.png`.
-    frames: the numbers of its frames.
-    sidecar: the JSON file beside it, which records how it was made and the cost of each frame.
+    frames: the numbers of the film's frames.
+    sidecar: the JSON file beside the film, which records how the film was made and the cost of each frame.
     notes: remarks on the film, for example that nothing is in view; mostly empty.
-    accuracy: the accuracy of its frames, measured by exact rays: `psnr` in decibels, its 95 % `interval`, the `worst`
+    accuracy: the accuracy of the frames, measured by exact rays: `psnr` in decibels, its 95 % `interval`, the `worst`
         frame, and `file.psnr`, the PSNR after encoding; None if nothing was measured.
-    visibility: the scalars that its frames show, measured by the same rays: `coverage`, the mean opacity, and `ranges`
-        of scalars with `low`, `high` and their `share` of the visible scalars; None if nothing was measured.
+    visibility: the scalars that the frames show, measured by exact rays: `coverage`, the mean opacity, and `ranges` of
+        scalars with `low`, `high` and their `share` of the visible scalars; None if nothing was measured.
     """
 
     path: Path
@@ -94,7 +94,7 @@ class Film:
     visibility: FilmVisibility | None = None
 
     def _repr_html_(self) -> str:
-        """Return the film, or its first picture, with a caption."""
+        """Return HTML that shows the film, or its first picture, with a caption."""
         first, kind = frame_path(self.path, self.frames[0]), format_of(self.path).media_type
         data = f"data:{kind};base64,{base64.b64encode(first.read_bytes()).decode()}"
         element = '<img src="{}">' if kind.startswith("image/") else '<video controls loop muted src="{}"></video>'
@@ -112,7 +112,7 @@ class Page:
     html: str
 
     def _repr_html_(self) -> str:
-        """Return the page in an `iframe`."""
+        """Return HTML that shows the page, in an `iframe`."""
         content = html.escape(self.html)
         return f'<iframe sandbox="allow-scripts" srcdoc="{content}" width="100%" height="640"></iframe>'
 
@@ -210,17 +210,17 @@ def render_frame(
     >>> image = renderer.render_frame(array, spacing=(1, 1, 2), background="white")
     """
     options: dict[str, Any] = {"spacing": spacing, "transfer_function": transfer_function, "camera": camera}
-    # The picture may have an odd size or be transparent, whatever the scene's output allows, as nothing is written.
+    # Nothing is written, so the picture may have an odd size or be transparent, whatever the scene's output allows.
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": _ANY_PICTURE}
     made = make_scene(scene, options)
     numbers = [frame_number(frame, made)]
     with open_local_executor(made) as executor, _open_stage(made) as stage:
         require_annotation(stage, numbers)
         plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
-        # Imported here: the ray integral takes a while to load.
+        # This import is not at the top of the file, because the ray integral takes a while to load.
         from renderer.accuracy import open_prober
 
-        # Annotation may tell the accuracy, which nothing else needs here.
+        # The accuracy is measured only if there is annotation, which may show it.
         prober = open_prober(stage, num_cores()) if made.at(0).annotation.shows_anything else None
         (drawn,) = draw_frames(plan.stage, numbers, executor.rasterizer, plan.controller, prober, is_overlapped=False)
     image: FrameImage = drawn.pictures[0].pixels.view(FrameImage)

@@ -34,14 +34,14 @@ from renderer.scene import (
 )
 from renderer.suggest import FilmOptions, Wish
 
-# A scene, the name of a scene file, or a volume: an array or the name of its file.
+# The types that the API takes for a scene: a scene, the name of a scene file, or a volume (an array or a file's name).
 SceneLike: TypeAlias = "FilmScene | str | os.PathLike[str] | npt.ArrayLike"
-# A transfer function: the name of a colormap, control points, a mapping, or a TransferSpec.
+# The types that the API takes for a transfer function: a colormap's name, control points, a mapping, or a TransferSpec.
 TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
-# A camera: a mapping, or a CameraSpec.
+# The types that the API takes for a camera: a mapping, or a CameraSpec.
 CameraLike: TypeAlias = "Mapping[str, Any] | CameraSpec"
 
-# The parameters of the API that set the keys of a scene.
+# The keys of a scene, each with the parameter of the API that sets it. Errors name the parameter.
 _PARAMETERS = {
     "volume.procedural.spacing": "spacing",
     "volume.procedural.shape": "the array's shape",
@@ -72,7 +72,7 @@ def make_scene(
         tree = _turntable() | {"volume": {"file": os.fspath(source)}}
     else:
         tree, array = _turntable() | {"volume": {}}, _array_source(source)
-    if isinstance(array, ArraySource):  # a constant volume takes its place until the scene is parsed
+    if isinstance(array, ArraySource):  # a constant volume stands for the array while the scene is parsed
         section = {"name": "constant", "shape": list(array.shape), "spacing": given.pop("spacing", array.spacing)}
         tree["volume"] = {key: value for key, value in tree["volume"].items() if key != "array"}
         tree["volume"]["procedural"] = section
@@ -83,7 +83,7 @@ def make_scene(
         assert isinstance(stand_in, ProceduralSource)
         placed = replace(array, spacing=stand_in.spacing)
         scene = scene.changed(lambda each: _with_source(each, placed))
-    # Plain data do not record the origin of a transfer function.
+    # Plain data do not say where a transfer function was imported from, so the given scene's own are taken over.
     if isinstance(source, FilmScene) and "transfer_function" not in given:
         scene = scene.changed(_with_transfer_functions, source)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
@@ -91,7 +91,7 @@ def make_scene(
 
 
 def _with_source(scene: Scene, source: ArraySource) -> Scene:
-    """Return a scene whose first volume has another source."""
+    """Return the scene with `source` in place of the source of its first volume."""
     first, *others = scene.layers
     first = replace(first, volume=replace(first.volume, source=source))
     return replace(scene, layers=(first, *others))
@@ -114,7 +114,7 @@ def _wish(transfer_function: Any) -> Wish | None:
 
 
 def _turntable() -> dict[str, Any]:
-    """Return the tree of the scene that `hsplat init` suggests, with a placeholder for the transfer function."""
+    """Return the scene that `hsplat init` suggests, as a tree of plain data; its transfer function is a placeholder."""
     film = FilmOptions()
     path = {"type": "turntable", "frames": film.frames, "elevation": film.elevation, "axis": film.axis}
     return {
@@ -126,7 +126,7 @@ def _turntable() -> dict[str, Any]:
 
 
 def scene_file(name: Any) -> Path:
-    """Return the path of a scene file. Raises InputError for anything but a name."""
+    """Return the path of a scene file from its name. Raises InputError for anything that is not a name."""
     if not isinstance(name, (str, os.PathLike)) or not isinstance(os.fspath(name), str) or not os.fspath(name):
         raise InputError("not the name of a scene file", got=argument_text(name), expected="a name such as scene.yaml")
     return Path(name)
@@ -154,7 +154,10 @@ def _array_source(values: npt.ArrayLike) -> ArraySource:
 
 
 def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
-    """Return an option as the plain data of a scene. Raises InputError for more than `num_levels` nested levels."""
+    """Return an option as the plain data of a scene: numbers, texts, lists and mappings.
+
+    num_levels: the largest number of nested levels. Raises InputError if there are more.
+    """
     if num_levels == 0:
         raise InputError(f"an option of more than {MAX_DEPTH} levels", hint="does it contain itself?")
     if isinstance(value, (np.ndarray, np.generic)):
@@ -171,7 +174,10 @@ def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
 
 
 def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tree of a scene with options of `suggest_scene`, which replace its values."""
+    """Return a scene's tree of plain data, in which options of `suggest_scene` replace values.
+
+    given: the options by name, without options that are None.
+    """
     if "spacing" in given:
         tree["volume"]["spacing"] = given["spacing"]
     if "camera" in given:
@@ -203,7 +209,7 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
 
 
 def _control_point(point: Any) -> Any:
-    """Return a control point `(value, color, opacity)` as a mapping. Other values are returned unchanged."""
+    """Return a control point `(value, color, opacity)` as a mapping with these keys; anything else is unchanged."""
     keys = ("value", "color", "opacity")
     is_triple = isinstance(point, list) and len(point) == len(keys)
     return dict(zip(keys, point, strict=True)) if is_triple else point
@@ -217,13 +223,13 @@ def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> FilmScene:
 
 
 def _parameter(path: str) -> str:
-    """Return the parameter of the API for a key of the scene, or the key if there is none."""
+    """Return the parameter of the API that sets a key of the scene; the key itself if there is no such parameter."""
     key = next((key for key in _PARAMETERS if path == key or path.startswith(f"{key}.")), None)
     return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
 
 
 def _with_suggestion(scene: FilmScene, wish: Wish | None) -> FilmScene:
-    """Return the scene with the suggestions for its volume."""
+    """Return the scene with what is suggested for its first volume: transfer function, light and clip planes."""
     from renderer.suggest import suggest_for
 
     found = suggest_for(scene.at(0).layers[0].volume, read_volume, wish=wish or Wish())
@@ -231,7 +237,10 @@ def _with_suggestion(scene: FilmScene, wish: Wish | None) -> FilmScene:
 
 
 def frame_number(frame: int, scene: FilmScene) -> int:
-    """Return the number of a frame on the scene's path, also for a negative number. Raises InputError otherwise."""
+    """Return the number of a frame, from 0 on; negative numbers count from the end of the path.
+
+    Raises InputError for a frame that is not on the path.
+    """
     if not isinstance(frame, (int, np.integer)):
         raise InputError(
             "not the number of a frame", where="frame", got=argument_text(frame), expected="a whole number"
@@ -240,7 +249,11 @@ def frame_number(frame: int, scene: FilmScene) -> int:
 
 
 def frame_numbers(frames: int | slice | Sequence[int] | None, scene: FilmScene) -> Sequence[int]:
-    """Return the numbers of frames on the scene's path, None for all. Raises InputError if one is not on it."""
+    """Return the numbers of some frames, from 0 on; negative numbers count from the end of the path.
+
+    frames: a number, a slice, ascending numbers, or None for all frames. Raises InputError for other values, and for
+    frames that are not on the path.
+    """
     path = range(scene.num_frames)
     with contextlib.suppress(IndexError, TypeError, ValueError):  # a slice with the step 0 raises ValueError
         if frames is None or isinstance(frames, slice):
@@ -254,5 +267,5 @@ def frame_numbers(frames: int | slice | Sequence[int] | None, scene: FilmScene) 
 
 
 def argument_text(value: object) -> str:
-    """Return the `repr` of an argument, cut to a readable length."""
+    """Return an argument as text for a message: its `repr`, cut to a readable length."""
     return short_text(repr(value))

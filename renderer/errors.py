@@ -1,7 +1,7 @@
-"""Define the errors that users see: a root, a class for each exit code, and the list of problems in a scene file.
+"""Define the errors that users see: a base class, a class for each exit code, and the list of problems in a scene file.
 
-A low room states the fact, and a room above it adds the location (a file, a line). Only `hsplat_cli` prints errors and
-exits. `assert` is for the program's own invariants, never for input.
+The code that finds a mistake states it, and code that calls this code adds the location (a file, a line). Only
+`hsplat_cli` prints errors and exits. `assert` is for the program's own invariants, never for input.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from renderer.system import PrintableText, join_lines, printable
 
-# The most characters of a part of a message, as long as the longest paths. Longer parts are cut in the middle.
+# The largest number of characters of a part of a message, as long as the longest paths. Longer parts lose their middle.
 _MAX_LINE = 1000
 
 
@@ -57,12 +57,12 @@ class InputError(HsplatError):
     """An error in the scene, the volume or the command line (exit code 2)."""
 
     def problem_at(self, location: str) -> Problem:
-        """Return the error as one problem of several. location: of the problem, unless the error has its own."""
+        """Return the error as a problem, for a list of problems. location: its place, unless the error states one."""
         return Problem("", self.what, self.got, self.expected, self.hint, location=self.where or location)
 
 
 class OutputLockedError(InputError):
-    """An error because another job is writing the same output. Nothing was changed."""
+    """An error: another job is writing the same output. Nothing was changed."""
 
 
 class RenderError(HsplatError):
@@ -70,7 +70,7 @@ class RenderError(HsplatError):
 
 
 class ContextLostError(RenderError):
-    """An error because OpenGL failed while drawing. With a new context, drawing may succeed."""
+    """An error: OpenGL failed while drawing. With a new OpenGL context, drawing may succeed."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,10 @@ class Problem:
     Parameters
     ----------
     path: the dotted key, with list items by number: `transfer_function.points.2.value`; empty for the whole scene.
-    what, got, expected, hint: as in HsplatError.
+    what: a sentence that states the mistake.
+    got: the value that was found.
+    expected: the values that would be right.
+    hint: a way to correct the mistake.
     at_key: whether the key itself is the mistake, not its value.
     location: the place of the key or value (`scene.yaml:14:13`), which only the reader of the file knows.
     """
@@ -99,7 +102,7 @@ class Problem:
 
 
 class SceneError(InputError):
-    """An error with all problems of a scene, in the order of the schema, or by location if locations are known."""
+    """An error that lists all problems of a scene, in the order of the schema, or by location if that is known."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
@@ -114,7 +117,7 @@ class SceneError(InputError):
 def format_message(
     what: str, *, where: str | None = None, got: str | None = None, expected: str | None = None, hint: str | None = None
 ) -> PrintableText:
-    """Return the printable text of a message: `where: what`, and one indented line for each further part."""
+    """Return the text of a message, made printable: `where: what`, and an indented line for each of the other parts."""
     lines = [_readable(what) if where is None else f"{_readable(where)}: {_readable(what)}"]
     parts = (("got", got), ("expected", expected), ("hint", hint))
     lines += [f"  {name}: {_readable(text)}".replace("\n", "\n    ") for name, text in parts if text]
@@ -122,7 +125,7 @@ def format_message(
 
 
 def _readable(text: str) -> str:
-    """Return a text made printable, without the middle of a line that is too long to be read."""
+    """Return a text made printable. A text that is too long to be read loses its middle."""
     is_readable = isinstance(text, PrintableText) or len(text) <= _MAX_LINE
     return printable(text if is_readable else f"{text[: _MAX_LINE // 2]}...{text[-_MAX_LINE // 2 :]}")
 
@@ -133,11 +136,11 @@ def closest_match(name: str, names: Iterable[str]) -> str | None:
 
 
 def require_package(package: str, *, extra: str) -> None:
-    """Raise InputError if an optional package, by its import name, is not installed.
+    """Raise InputError if an optional package is not installed.
 
-    Call it when the work begins, even if the package is needed only at the end.
+    Call this when the work begins, even if the package is needed only at the end.
 
-    extra: the extra in `pyproject.toml` that installs the package.
+    package: the name by which the package is imported. extra: the extra in `pyproject.toml` that installs the package.
     """
     if importlib.util.find_spec(package) is None:
         raise InputError(f"the package {package} is not installed", hint=f"pip install 'hsplat[{extra}]'")

@@ -71,7 +71,11 @@ def assemble(
 def _output_spec(
     part: FinishedFilm, names: Sequence[str], options: Mapping[str, str], numbers: Sequence[int]
 ) -> OutputSpec:
-    """Return the output that the part records, with these file names and options. Raises SceneError."""
+    """Return the output that a part's sidecar records, with the file names and options of the command line.
+
+    names: the values of `--output`. options: the values of other options, by the keys of the section `output`. numbers:
+    the frames that are assembled. Raises SceneError.
+    """
     problems: list[Problem] = []
     recorded = first_output(part.record.scene)
     first = {**only_output(recorded, output_suffix(names[0])), **options, "file": names[0]}

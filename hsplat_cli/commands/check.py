@@ -42,11 +42,11 @@ from renderer.scene import (
 )
 from renderer.system import MemoryShare, join_lines
 
-if TYPE_CHECKING:  # it loads kernels
+if TYPE_CHECKING:  # the modules load kernels
     from renderer.draw import BrickMemory
     from renderer.job import Forecast
 
-# Most values of a schedule that are listed; of a longer schedule, only the lowest and the highest are.
+# Largest number of turning points of a schedule that are listed; a schedule with more is shown by its range.
 _MAX_TURNS = 4
 
 
@@ -106,7 +106,7 @@ def _first_line(error: HsplatError) -> str:
 
 def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, str]], Forecast | None]:
     """Return rows on the cost of a film in this process, and its forecast; or a row with the reason for no forecast."""
-    # Imported here: they load kernels.
+    # Imported here: the modules load kernels.
     from hsplat_cli.terminal import FilmEvents
     from renderer.job import forecast_film, open_local_executor
 
@@ -114,7 +114,7 @@ def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, 
         job = load_job(request)
         with FilmEvents(Reporter(), job.scene.primitive_name) as events:
             found = forecast_film(job, partial(open_local_executor, memory=memory), events)
-    except SceneError:  # its numbers do not fit the volumes
+    except SceneError:  # numbers of the scene do not fit its volumes
         raise
     except HsplatError as error:
         return [("note", f"the cost is not known: {_first_line(error)}")], None
@@ -126,7 +126,7 @@ def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, 
 
 
 def _memory_text(memory: BrickMemory) -> str:
-    """Return how much memory bricks need, and what happens where the limit is lower."""
+    """Describe how much memory the film's bricks need, and what happens if the limit is lower."""
     from hsplat_cli.reports import bytes_text  # loads numpy
 
     needed = f"{bytes_text(memory.needed)} for bricks"

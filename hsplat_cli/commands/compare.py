@@ -18,7 +18,10 @@ _REPORT = OutputPath(dir_okay=False)
 
 
 def _parse_name(_: click.Context, parameter: click.Parameter, name: str) -> Path:
-    """Return a path; refuse an empty name, such as an unset variable gives: it would mean the current folder."""
+    """Return the path that an argument names. Raises InputError for an empty name, as an unset variable gives it.
+
+    An empty name would mean the current folder.
+    """
     if not name:
         raise InputError("an empty name", where=parameter.human_readable_name, expected="a file or folder")
     return Path(name)

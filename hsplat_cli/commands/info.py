@@ -39,7 +39,7 @@ _COLUMNS = 64
 _ROWS = 8
 # A material is marked as hidden if its share of the picture is below this number, and its share of the voxels above it.
 _HIDDEN = 0.01
-# Most labels that the text lists; JSON has all of them.
+# Largest number of labels that the text lists; JSON has all of them.
 _MAX_LABELS = 40
 # Characters for the heights of a histogram's bars, from empty to full.
 _BLOCKS = " ▁▂▃▄▅▆▇█"
@@ -49,7 +49,11 @@ _ASCII = " .:|#"
 
 @dataclass(frozen=True)
 class _TimeFacts:
-    """The steps of a volume in time: their number, the first and the last time, and the first and the last file."""
+    """The facts about the steps in time of a volume.
+
+    steps: the number of steps. first_last: the first and the last time. unit: the unit of times. files: the first and
+    the last file, if each step has a file.
+    """
 
     steps: int
     first_last: list[float]
@@ -59,7 +63,11 @@ class _TimeFacts:
 
 @dataclass(frozen=True)
 class _LabelFacts:
-    """A label that is shown. volume: its size in cubic world units. share: the share of the picture that it covers."""
+    """The facts about a label that is shown.
+
+    voxels: its number of voxels. volume: its size, in cubic world units. share: the share of the picture that it
+    covers.
+    """
 
     value: float
     name: str
@@ -70,7 +78,7 @@ class _LabelFacts:
 
 @dataclass(frozen=True)
 class _VolumeFacts:
-    """All facts about a volume, which are printed as text or as JSON."""
+    """The facts about a volume that `hsplat info` prints, as text or as JSON."""
 
     name: str
     note: str | None
@@ -174,7 +182,7 @@ def _time_facts(volume: Volume, spec: VolumeSpec) -> _TimeFacts | None:
 
 
 def _time_text(time: _TimeFacts) -> str:
-    """Return `30 steps, 0 to 58 s, a_00.nrrd to a_29.nrrd`, without the parts that are not known."""
+    """Describe steps in time: `30 steps, 0 to 58 s, a_00.nrrd to a_29.nrrd`, without parts that are not known."""
     moments = f"{_numbers(time.first_last, ' to ')} {time.unit}".strip()
     files = " to ".join(printable(Path(file).name) for file in time.files)
     return ", ".join(filter(None, (counted(time.steps, "step"), moments, files)))
@@ -339,7 +347,7 @@ def _label_lines(table: list[_LabelFacts], num_voxels: int) -> Iterator[str]:
 
 
 def _histogram_marks() -> str:
-    """Return block characters if the terminal's encoding has them."""
+    """Return characters for bars: block characters if the terminal's encoding has them, else ASCII ones."""
     try:
         _BLOCKS.encode(sys.stdout.encoding or "ascii")
     except (UnicodeEncodeError, LookupError):

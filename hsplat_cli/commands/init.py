@@ -43,7 +43,7 @@ def init(*, volume: Path, output: Path | None, force: bool, film: FilmOptions, r
     """
     reporter = Reporter()
     spec = volume_spec(volume, reading)
-    if output is not None:  # before the volume is read, which may take long
+    if output is not None:  # checked before the volume is read, which may take long
         _require_output(output, force=force)
         volumes = filter(None, (spec, film.under))
         WrittenFiles([output]).require_harmless(chain.from_iterable(map(volume_files, volumes)))
@@ -58,8 +58,8 @@ def init(*, volume: Path, output: Path | None, force: bool, film: FilmOptions, r
 
 
 def _tell_faults(request: SceneRequest, reporter: Reporter) -> None:
-    """Print the faults of the pictures of a suggested scene, which is written in any case."""
-    # Imported here: it loads kernels.
+    """Print a warning for each fault of the pictures of a suggested scene; the scene is written in any case."""
+    # Imported here: the module loads kernels.
     from renderer.accuracy import look_at_scene
 
     try:
@@ -81,7 +81,7 @@ def _require_output(output: Path, *, force: bool) -> None:
             expected="the name of a .yaml or .yml file",
             hint=f"--output {output.with_suffix('.yaml')}; the film gets its name in it",
         )
-    if os.path.exists(output) and not force:  # no error for impossible names
+    if os.path.exists(output) and not force:  # unlike Path.exists, no error for impossible names
         raise InputError(
             "this file exists", where=str(output), hint="--force overwrites it; --output names another one"
         )

@@ -16,10 +16,10 @@ from renderer.errors import InputError
 from renderer.film import WrittenFiles
 from renderer.scene import AnnotationSpec, Scene
 
-# Options of a sweep and its report; a search for one tolerance (--want) refuses them.
+# Names of the options on a sweep and its report; a search for one tolerance (--want) refuses them.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats")
 _WANT_HINT = "--want searches with the scene's own footprint and error measure; change them with --set"
-# Options that need whole exact pictures and several passes (--thorough).
+# Names of the options that need whole exact pictures and several passes (--thorough).
 _THOROUGH_OPTIONS = ("footprints", "measures", "corrections", "repeats")
 _THOROUGH_HINT = (
     "add --thorough; without it the scene's own footprint and error measure are drawn once, and judged by rays"
@@ -67,7 +67,7 @@ def measure(
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
     given = load_job(request, "nothing")
-    job, numbers = given.scene.changed(_without_annotation), given.frames  # drawn lines would count as errors
+    job, numbers = given.scene.changed(_without_annotation), given.frames  # annotation would count as errors
     sweep = parse_sweep(
         job.at(0), tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections
     )

@@ -27,7 +27,7 @@ from renderer.suggest import FilmOptions
 from renderer.system import interrupted_status
 
 _CTRL_C_STATUS = 128 + signal.SIGINT
-# Options that a scene refuses.
+# Names of the options that are for volumes; with a scene they are refused.
 _FOR_VOLUMES = [field.name for cls in (FilmOptions, ReadingOptions) for field in fields(cls)]
 _PAGE = "Write to this page.  [default: NAME.html in the current folder]"
 
@@ -108,7 +108,7 @@ def _watch(request: SceneRequest, page: Path, *, serve: bool, reporter: Reporter
             reporter.line(f"page: {address} (Ctrl-C ends it)")
             watch(request, show)
     except KeyboardInterrupt as error:
-        if interrupted_status(error) != _CTRL_C_STATUS:  # other signals end it early
+        if interrupted_status(error) != _CTRL_C_STATUS:  # other signals end the program with a status
             raise
 
 

@@ -1,4 +1,4 @@
-"""Run `hsplat render SCENE`: render a film or numbered frames, and a sidecar that records how."""
+"""Run `hsplat render SCENE`: render a film or numbered frames, and a sidecar that records how they were made."""
 
 from __future__ import annotations
 

@@ -13,7 +13,8 @@ from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, option_group
 from renderer.errors import InputError
 
-# The type of a file that is read. click does not check it: its messages differ from ours.
+# The click type of an argument that names a file to read. click does not check that the file exists, because its
+# messages differ from hsplat's.
 FILE = click.Path(path_type=Path, readable=False)
 _SCENE = click.argument("scene", type=FILE)
 

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from renderer.job import FilmJob
     from renderer.record import FilesCheck, FinishedFilm, PicturesCheck
 
-# The name that stands for the standard output.
+# The value of `--json` that stands for the standard output.
 _STDOUT = Path("-")
-# Most problems that the text lists; JSON has all of them.
+# Largest number of problems that the text lists; JSON has all of them.
 _MAX_LINES = 20
 
 
@@ -102,7 +102,10 @@ def verify(
 
 
 def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterator[str]:
-    """Yield texts: `whole, 120 frames`, `of this volume`, `file PSNR 43.6 dB (43.3 to 43.9), 7680 rays`."""
+    """Yield the parts of the line on the result.
+
+    They are `whole, 120 frames`, `of this volume`, and `file PSNR 43.6 dB (43.3 to 43.9), 7680 rays`.
+    """
     from renderer.record import accuracy_text
 
     num = len(job.frames)
@@ -115,7 +118,7 @@ def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterat
 
 
 def _problem_lines(problems: Sequence[Problem]) -> str:
-    """Return a line for each of the first _MAX_LINES problems, and the number of the others."""
+    """Return a line for each of the first _MAX_LINES problems, and the number of further problems."""
     lines = [
         ": ".join(filter(None, (each.location, each.what, each.got)))
         + (f" (expected: {each.expected})" if each.expected else "")
@@ -125,11 +128,14 @@ def _problem_lines(problems: Sequence[Problem]) -> str:
     return join_lines(lines + [f"... and {more} more; --json FILE has all of them"] * (more > 0))
 
 
-# JSON
+# The report as JSON
 
 
 def _prepare_report(path: Path | None, job: FilmJob) -> None:
-    """Refuse, before the work begins, a path that no report may have, or that belongs to the film or its inputs."""
+    """Raise InputError, before the work begins, for a path of the report that belongs to the film or its inputs.
+
+    A path with a wrong suffix, and a path that cannot be written, are errors, too.
+    """
     if path is None or path == _STDOUT:
         return
     from hsplat_cli.compare import ReportFiles
@@ -150,7 +156,7 @@ def _write_report(path: Path | None, facts: dict[str, object], reporter: Reporte
 
 
 def _facts(job: FilmJob, original: FinishedFilm, problems: Sequence[Problem]) -> dict[str, object]:
-    """Return the facts that are known without the volume, as plain data."""
+    """Return the facts of the JSON report that are known before the volume is read, as plain data."""
     return {
         "passes": not problems,
         "film": str(job.scene.output.file),

@@ -1,4 +1,4 @@
-"""Compares frames that two paths name, for the command line and for tests."""
+"""Compares the frames of two paths, for the command line and for tests."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from renderer.errors import HsplatError, InputError
 from renderer.film import folder_files
 from renderer.system import join_lines
 
-# Suffixes of a scene, or of the sidecar of a film.
+# Suffixes of the files of scenes, and of the sidecars of films.
 _SCENE_SUFFIXES = (".yaml", ".yml", ".json")
 
 
@@ -36,12 +36,13 @@ def compare_frames(
     reporter: Reporter,
     option_names: tuple[str, str] = ("--level", "--limit"),
 ) -> Comparison:
-    """Compare two paths and write the reports.
+    """Compare the frames of two paths and write the reports.
 
-    request, actual: two paths as in `open_pairs`; or a scene, or the sidecar of a film, and the folder of its goldens.
-    level, limits: the values of `--level` and `--limit`. option_names: their names in messages.
+    request, actual: two PNG pictures, folders, templates or films, of which the request names the golden one; or a
+    scene, or a film's sidecar, and the folder of its goldens.
+    level, limits: the values of `--level` and `--limit`. option_names: the names of these two options in messages.
 
-    Raises HsplatError if they cannot be compared.
+    Raises HsplatError if the paths cannot be compared.
     """
     golden = request.path
     reports.require_names(_input_files(request, actual))
@@ -68,7 +69,7 @@ def compare_frames(
 
 
 def _reject_scene_options(request: SceneRequest, actual: Path) -> None:
-    """Raise InputError for an option that would have no effect on files."""
+    """Raise InputError for an option that has an effect only if a scene is drawn: two paths of files are compared."""
     options = {
         "frames": request.frames,
         "set": request.overrides,
@@ -81,7 +82,7 @@ def _reject_scene_options(request: SceneRequest, actual: Path) -> None:
 
 
 def _input_files(request: SceneRequest, actual: Path) -> Iterator[Path]:
-    """Yield all files that a comparison may read, in either order of the sides; without volumes for a faulty scene."""
+    """Yield all files that a comparison of two paths may read; for a scene with errors, without its volumes."""
     for side in (request.path, actual):
         if _is_scene(side):
             with contextlib.suppress(HsplatError):
@@ -124,9 +125,9 @@ def require_match(
 ) -> None:
     """Raise AssertionError, with the table of `hsplat compare`, if frames exceed their limits.
 
-    The arguments are as for the fixture in `pytest_plugin`.
+    The arguments have the same meaning as the arguments of the fixture `assert_frames_match`.
     """
-    __tracebackhide__ = True  # pytest shows the line of the test
+    __tracebackhide__ = True  # pytest hides this function, and shows the line of the test
     overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]
     try:
         comparison = compare_frames(
@@ -139,7 +140,7 @@ def require_match(
             option_names=("level", "limits"),
         )
     except HsplatError as error:
-        raise error.with_traceback(None) from None  # the traceback would only show this package
+        raise error.with_traceback(None) from None  # its traceback would show only lines of this package
     if not comparison.passes:
         page = [] if html is None else [f"the frames: {html}"]
         lines = [f"{golden} and {actual} do not match", comparison_table(comparison), *page]

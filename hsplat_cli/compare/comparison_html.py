@@ -32,23 +32,23 @@ from renderer.film import Pixels
 PICTURE_PX = 512
 # Longest side of the enlarged crop around the pixel with the largest error, in pixels.
 CROP_PX = 48
-# Most frames that are shown, among the frames that differ, if no frame fails.
+# Largest number of frames whose pictures the page shows if no frame fails.
 NUM_PASSING_SHOWN = 6
-# Most bytes of all pictures on the page. Incompressible pictures of a frame take 4 MB: seven frames always fit.
+# Largest size of all pictures on the page, in bytes. Incompressible pictures of a frame take 4 MB: seven frames fit.
 MAX_PICTURE_BYTES = 30_000_000
-# Factors on the difference that a reader of the page can choose.
+# Factors by which a reader of the page can amplify the picture of the difference.
 GAINS = (1, 10, 50)
-# Width and height of the chart of errors, in pixels: as wide as a figure on the page, so that texts have one size.
+# Width and height of the chart of errors, in pixels: as wide as it is shown on the page, so that texts are not scaled.
 _SIZE = (864, 344)
 # The length by which the axis exceeds the range of frame numbers at each end, as a share of this range.
 _MARGIN = 0.013
-# Most ticks of the axis of frame numbers.
+# Largest number of ticks on the axis of frame numbers.
 _MOST_TICKS = 11
-# Number of frames from which on the points of the chart are small.
+# Number of frames above which the chart marks each frame by a dot in place of a small circle.
 _MIN_DENSE_FRAMES = 200
-# Height of the chart above the limit, in decades; larger errors are drawn at its top.
+# Largest height of the chart above the limit, in powers of ten of the limit; larger errors are drawn at its top.
 _MAX_DECADES = 4
-# Colour and dashes of the curve of each metric; the colour series-2 marks failures.
+# Colour and dashes of the curves, one for each metric; the colour series-2 is left out, because it marks failures.
 _STYLES = (
     ("series-1", "none"),
     ("series-3", "7 3"),
@@ -66,7 +66,7 @@ _Steps = npt.NDArray[np.float32]
 
 
 def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
-    """Return the page as text; equal comparisons and pictures give equal text."""
+    """Return the HTML page of a comparison; equal comparisons and pictures give equal pages."""
     outcomes = comparison.outcomes
     frames, num_bytes, largest = [], 0, 0
     for frame in gallery.gallery_frames:  # worst first, as many as fit
@@ -99,11 +99,11 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
     )
 
 
-# The plot
+# The chart of errors
 
 
 def _plot_errors(comparison: Comparison) -> Chart:
-    """Lay out the chart of each metric as a share of its limit.
+    """Return the chart of each metric over the frames, as a share of the metric's limit.
 
     Heights are linear up to the limit and logarithmic above it, so that both near misses and large errors are legible.
     """
@@ -148,11 +148,12 @@ def _plot_errors(comparison: Comparison) -> Chart:
 
 
 class GalleryPicture(NamedTuple):
-    """Holds a picture of a frame.
+    """Holds a picture of a frame, or of the difference of both sides.
 
-    kind: `golden` and `actual` are uint8 [h, w, 3 or 4], None for a side without the frame. `difference` is uint8
-    [h, w, 3], None if nothing can be compared: red and blue are the steps, rounded up, by which the most different
-    channel of a pixel is brighter or darker than in the golden; green is 0.
+    kind: `golden`, `actual` or `difference`.
+    pixels: of the kinds `golden` and `actual`, uint8 [h, w, 3 or 4]; None for a side without the frame. Of the kind
+        `difference`, uint8 [h, w, 3]: red and blue are the steps, rounded up, by which the most different channel of a
+        pixel is brighter or darker than in the golden, and green is 0; None if nothing can be compared.
     extent: a text on the part of the frame that is shown; empty for the whole frame.
     """
 
@@ -216,7 +217,7 @@ def _make_gallery_frame(outcome: Outcome, pair: Pair) -> GalleryFrame:
         bottom, right = min(top + CROP_PX, height), min(left + CROP_PX, width)
         extent = f", enlarged: x {left} to {right - 1}, y {top} to {bottom - 1}"
         pictures += [
-            # A view would keep the whole frame in memory.
+            # Copied, because a view of a part would keep the whole frame in memory.
             GalleryPicture("golden", golden[top:bottom, left:right].copy(), extent),
             GalleryPicture("actual", actual[top:bottom, left:right].copy(), extent),
             GalleryPicture("difference", _difference_picture(steps[top:bottom, left:right]), extent),

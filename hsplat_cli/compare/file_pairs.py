@@ -32,7 +32,7 @@ from renderer.scene import (
     nearest_file_hint,
 )
 
-# Suffixes of pictures that are not compared; a note says so.
+# Suffixes of picture files that are not compared; a note lists such files.
 _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
 # Kinds of a path, as messages name them.
@@ -40,7 +40,7 @@ _FOLDER = "a folder"
 _TEMPLATE = "a template of frames"
 _PICTURE = "a PNG picture"
 _EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two films in one format"
-# Most unreadable frames that a message lists.
+# Largest number of unreadable frames that a message lists.
 _MAX_ERRORS_SHOWN = 10
 
 
@@ -199,7 +199,8 @@ def _file_pairs(
 def read_pairs(
     names: Sequence[str], goldens: Mapping[str, Path], actuals: Mapping[str, Path], *, are_recorded: bool = False
 ) -> Iterator[Pair]:
-    """Read the pictures of both sides, by the names of their pairs. are_recorded: `is_recorded` of each Pair.
+    """Read the pictures of both sides, by the names of their pairs. are_recorded: whether golden.json
+    lists the goldens.
 
     Raises SceneError with all pictures that cannot be read.
     """
@@ -210,7 +211,7 @@ def read_pairs(
         except InputError as error:
             unreadable.append(error)
             continue
-        if not unreadable:  # after an error the others are read only to report all errors at once
+        if not unreadable:  # after an error, later files are read only to report all errors at once
             yield Pair(name, *pictures, are_recorded)
     if unreadable:
         num_more = len(unreadable) - _MAX_ERRORS_SHOWN
@@ -236,7 +237,7 @@ def _same_files_error(actual: Path) -> InputError:
 
 
 def _pictures(golden: Path | None, actual: Path | None) -> tuple[Pixels | None, Pixels | None]:
-    """Read both pictures; files with equal bytes are decoded once."""
+    """Return the golden and the actual picture, None for a side without a file; equal bytes are decoded once."""
     if golden is None or actual is None:
         return (None if golden is None else read_picture(golden)), (None if actual is None else read_picture(actual))
     content, other = file_content(golden), file_content(actual)

@@ -19,7 +19,8 @@ from renderer.volume import Array, Float32, Int32
 # Side of the windows of the metric `densest`, in pixels.
 WINDOW_PX = 8
 
-# Units of error in a step at an opacity of 1. Errors weighted by 8-bit opacities are whole numbers in this unit.
+# Number of units of error in one grey step at an opacity of 1. In this unit, 1/255 of a grey step, errors that are
+# weighted by 8-bit opacities are whole numbers.
 _UNITS_PER_STEP = 255
 # Side of the squares in which perceptual metrics are computed, in pixels: a large picture would take gigabytes at once.
 _BLOCK_PX = 256
@@ -80,12 +81,15 @@ class FrameDifference:
         return float(max(sums) / (_UNITS_PER_STEP * height * width))
 
     def perceptual_metric(self, name: str) -> float:
-        """Return SSIM or FLIP of the pictures; for transparent pictures, the worse value over black and over white."""
+        """Return SSIM or FLIP of the pictures; for transparent pictures, the worse value over black and over white.
+
+        Returns NaN where a picture is smaller than the window of SSIM.
+        """
         height, width, channels = self._golden.shape
         if name == "ssim" and min(height, width) < SSIM_WINDOW_PX:
             return math.nan
         perfect = float(COMPARISON_METRICS[name].higher_is_better)
-        errors = [0.0] if channels == 3 else [0.0, 0.0]  # over black, over white
+        errors = [0.0] if channels == 3 else [0.0, 0.0]  # sums of errors over black, and with alpha also over white
         for around, cut in _blocks(height, width):
             if self._signed_errors[around].any():
                 for ground in range(len(errors)):
@@ -111,9 +115,10 @@ COMPARISON_METRICS = {metric.name: metric for metric in _FUNCTIONS}
 
 
 def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
-    """Return actual minus golden, [h, w, 3 or 4], in 255ths of a level of 8 bits.
+    """Return actual minus golden, [h, w, 3 or 4], in 255ths of a grey step.
 
-    Colours are multiplied by alpha, a number of 255ths, so that errors are whole numbers in this unit.
+    Errors of colours are multiplied by the larger alpha of both pictures, from 0 to 255, so that they stay whole
+    numbers.
     """
     errors: Int32 = actual.astype(np.int32) - golden
     if golden.shape[2] == 4:
@@ -125,9 +130,9 @@ def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
 
 
 def _sums_down(values: Int32) -> Int32:
-    """Return the sums over each run of WINDOW_PX rows, or over all rows if there are fewer.
+    """Return the sums of each column over WINDOW_PX consecutive rows, or over all rows if there are fewer.
 
-    Sums along both axes stay below 2^23.
+    Sums over the windows of one channel, after sums along both axes, stay below 2^23, within int32.
     """
     num = min(WINDOW_PX, len(values))
     sums: Int32 = values[: len(values) - num + 1].copy()
@@ -146,7 +151,7 @@ def _blocks(height: int, width: int) -> Iterator[tuple[_Block, _Block]]:
 
 
 def _over(image: Pixels, ground: float) -> Array:
-    """Composite over a grey; return float64 [h, w, 3] in [0, 1]."""
+    """Composite a picture over a grey, from 0 for black to 1 for white; return float64 [h, w, 3] in [0, 1]."""
     values = image / 255
     if image.shape[2] == 3:
         return values

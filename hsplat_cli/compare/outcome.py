@@ -18,7 +18,7 @@ from renderer.errors import InputError
 from renderer.film import Pixels
 from renderer.scene import counted, format_value
 
-# `same`: equal pixels. `close`: within the limits. Frames of any other status fail.
+# `same`: the pixels are equal. `close`: the errors are within the limits. A frame of any other status fails.
 Status = Literal["same", "close", "different", "missing", "extra", "other size", "other channels"]
 _PASSES = ("same", "close")
 # The statuses in the words and in the order of summaries.
@@ -39,8 +39,8 @@ _KINDS = {3: "RGB", 4: "RGBA"}
 class Pair:
     """Holds a golden frame and the actual one: uint8 [h, w, 3 or 4], straight alpha; None for a side without the frame.
 
-    name: the name of the file, or `frame 12` of a film. is_recorded: whether golden.json lists the golden; if it does,
-    a golden of None is missing.
+    name: the name of the file, or `frame 12` of a film. is_recorded: whether golden.json lists the golden; then a
+    golden of None means that its file is missing.
     """
 
     name: str
@@ -53,7 +53,8 @@ class Pair:
 class Pairs:
     """Holds all pairs of a comparison, read one at a time, in the order of `names`.
 
-    Iterating over `pairs` raises InputError if a frame cannot be read. notes, facts: as in Comparison.
+    Iterating over `pairs` raises InputError if a frame cannot be read. notes: notes for the user. facts: the values
+    (golden, actual) of each fact that may differ, such as the device, by its name.
     """
 
     names: Sequence[str]
@@ -66,10 +67,10 @@ class Pairs:
 class Outcome:
     """Holds the outcome of one pair of frames.
 
-    name: as in Pair. why: the reason in one sentence; every number in it has its metric, its unit and its limit.
-    limits: the limits of this frame. figures: errors by the names of COMPARISON_METRICS; empty if nothing can be
-    compared. exceeded: metrics over their limits; the first is the reason.
-    bias: mean signed error of each channel, in steps, actual minus golden.
+    name: the name of the pair. status: one of the words of `Status`. why: the reason in one sentence; every number in
+    it has its metric, its unit and its limit. limits: the limits of this frame. figures: errors by the names of
+    COMPARISON_METRICS; empty if nothing can be compared. exceeded: the names of the metrics that exceed their limits;
+    the first is the reason. bias: mean signed error of each channel, in steps, actual minus golden.
     """
 
     name: str
@@ -87,7 +88,7 @@ class Outcome:
 
     @property
     def severity(self) -> float:
-        """Return the largest error as a multiple of its limit; infinite without a comparable pair."""
+        """Return the largest error as a multiple of its limit; infinite if the pictures cannot be compared."""
         is_comparable = self.passes or self.status == "different"
         return severity(self.figures, self.limits) if is_comparable else math.inf
 
@@ -101,9 +102,9 @@ class Outcome:
 class Comparison:
     """Holds the outcomes of all pairs, at least one, in the order of their names.
 
-    golden, actual: descriptions of both sides. level: name of the strictness. notes: notes for the user. facts: the
-    values (golden, actual) of each fact that may differ, such as the device, by its name. other_limits: as in
-    `Rules.other_limits`.
+    golden, actual: descriptions of both sides. level: a key of STRICTNESSES. notes: notes for the user. facts: the
+    values (golden, actual) of each fact that may differ, such as the device, by its name. other_limits: texts on the
+    limits that differ from the limits of the level.
     """
 
     golden: str
@@ -116,7 +117,7 @@ class Comparison:
 
     @property
     def strictness(self) -> str:
-        """Return the name of the level, with the limits that replace the level's own ones."""
+        """Return the name of the level, followed by the limits that replace limits of the level."""
         return f"{self.level} (with other limits: {'; '.join(self.other_limits)})" if self.other_limits else self.level
 
     @property

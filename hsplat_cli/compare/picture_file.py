@@ -19,20 +19,21 @@ from renderer.errors import InputError
 from renderer.film import Pixels, decode_png, join_png_chunks, png_chunks
 from renderer.scene import read_bounded, require_file
 
-# Most pixels of a picture, checked in its header before memory is taken. Comparing 8192 x 4096 with alpha takes 2 GB.
+# Largest number of pixels of a picture, checked in its header before memory is taken. Comparing two pictures of
+# 8192 x 4096 pixels with alpha takes 2 GB.
 MAX_PIXELS = 2**25
-# Most bytes of a file: twice the largest picture with alpha, uncompressed.
+# Largest size of a file, in bytes: twice the size of the largest picture with alpha, uncompressed.
 MAX_FILE_BYTES = 2**28
 
 _EXPECTED = "a PNG file, 8-bit RGB or RGBA"
-# Names of PNG's colour types.
+# Names of PNG's colour types, by their codes.
 _COLOR_TYPES = {0: "grey", 2: "RGB", 3: "palette", 4: "grey with alpha", 6: "RGBA"}
-# Number of channels of the colour types that are compared.
+# Number of channels of the colour types that are compared, by their codes.
 _CHANNELS = {2: 3, 6: 4}
-# Chunks that change the picture or add pictures; files with them are refused.
+# Chunks that change the picture or add pictures, with words for messages: a file with one of them is refused.
 _REFUSED_CHUNKS = {b"tRNS": "a transparent colour (tRNS)", b"acTL": "an animation (APNG)"}
-# Chunks that must be understood. Unknown chunks may be skipped if their names begin with a lower-case letter (ISO/IEC
-# 15948, 5.4).
+# Chunks that a reader must understand. Other chunks may be skipped only if their names begin with a lower-case letter
+# (ISO/IEC 15948, 5.4).
 _KNOWN_CHUNKS = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
 # First column, first row, and steps along both axes, of each pass of an interlaced picture (ISO/IEC 15948, 8.2).
 _ADAM7_PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
@@ -62,7 +63,7 @@ def file_content(path: Path, max_bytes: int = MAX_FILE_BYTES, expected: str = _E
 
 
 def decode_picture(content: bytes, path: Path) -> Pixels:
-    """Decode the content of the file `path`, as `read_picture`."""
+    """Decode the content of the PNG file `path`; return the array, and raise the errors, of `read_picture`."""
     try:
         chunks = png_chunks(content)
     except ValueError as error:
@@ -72,7 +73,7 @@ def decode_picture(content: bytes, path: Path) -> Pixels:
     if not _is_complete(data, shape, is_interlaced=is_interlaced):
         raise _damaged_error(path)
     try:
-        # Decoded without its other chunks, which could change the picture or the cost of decoding.
+        # Decoded without the file's other chunks, which could change the picture or the cost of decoding.
         return decode_png(join_png_chunks([chunks[0], (b"IDAT", data), chunks[-1]]))
     except ValueError as error:
         raise _damaged_error(path) from error
@@ -111,7 +112,7 @@ def _is_complete(data: bytes, shape: tuple[int, int, int], *, is_interlaced: boo
         expected += rows * (1 + columns * channels) if columns > 0 else 0
     unpacker = zlib.decompressobj()
     try:
-        found = len(unpacker.decompress(data, expected + 1))  # one more, to detect the end
+        found = len(unpacker.decompress(data, expected + 1))  # one byte more, to detect data beyond the picture
     except zlib.error:
         return False
     return unpacker.eof and found == expected

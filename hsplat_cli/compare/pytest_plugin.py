@@ -15,8 +15,9 @@ def assert_frames_match() -> Callable[..., None]:
     """Return a function that fails the test, with a table, if frames exceed their limits.
 
     golden, actual: as on the command line: images, folders, templates or films, or a scene and its folder of goldens.
-    level: replaces the file of limits beside the goldens. limits: the limit of each metric; None removes a limit.
-    html: an .html file for a page of the worst frames, written in any case.
+    level: the name of a strictness, which replaces the file of limits beside the goldens. limits: the limit of each
+    metric by its name; None removes a limit. html: an .html file for a page of the worst frames, which is written also
+    if all frames match.
 
     The function raises AssertionError if frames differ, and InputError if they cannot be compared.
     """

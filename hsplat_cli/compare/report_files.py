@@ -25,12 +25,13 @@ from renderer.film import WrittenFiles, locked_files, require_writable, staged_f
 from renderer.scene import MAX_SIDECAR_BYTES, counted, read_json_object
 from renderer.system import PrintableText, join_lines, printable
 
-# Suffixes of each report. No frame or scene file has them, so that a typing mistake overwrites no such file.
+# Allowed suffixes of each report, by its option. No frame or scene file has them, so that a typing mistake overwrites
+# no such file.
 _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm"), "--output": (".html", ".htm")}
-# Most failing frames that the terminal shows, so that they fit on a screen; files have all frames.
+# Largest number of failing frames that the terminal shows, so that they fit on a screen; files have all frames.
 MAX_ROWS = 20
 
-# The name of the fact whose difference explains small errors.
+# The name, in `Comparison.facts`, of the device that drew the frames: another device explains small errors.
 _DEVICE = "device"
 # The strictness that allows for the differences between drivers.
 _LOOSEST = "cross-driver"
@@ -76,7 +77,7 @@ class ReportFiles:
     def prepare(self) -> None:
         """Remove the reports of an earlier comparison, which must not stay if this one fails.
 
-        Raises InputError or RenderError if one of them cannot be written.
+        Raises InputError or RenderError if one of the new reports cannot be written.
         """
         for path in self.paths.values():
             with translate_os_errors(path):
@@ -102,7 +103,7 @@ class ReportFiles:
                     write(path, makers[option](*contents).encode())
 
 
-# Texts
+# The content of the reports: text, JSON, JUnit
 
 
 def comparison_table(comparison: Comparison) -> PrintableText:
@@ -172,12 +173,12 @@ def _json_text(data: dict[str, object]) -> str:
 
 
 def comparison_junit(comparison: Comparison) -> str:
-    """Return a test suite with a test case for each frame, as Jenkins, GitLab and others read it."""
+    """Return a test suite with a test case for each frame, in the format that Jenkins and GitLab read."""
     golden = printable(comparison.golden)
     name = f"{golden} at {printable(comparison.strictness)}"
     root, suite = _new_suite(name, len(comparison.outcomes), comparison.num_failing, 0)
     if comparison.facts:
-        properties = SubElement(suite, "properties")  # these come first
+        properties = SubElement(suite, "properties")  # JUnit wants them before the test cases
         for fact, sides in comparison.facts.items():
             for side, value in zip(("golden", "actual"), sides, strict=True):
                 SubElement(properties, "property", name=printable(f"{side} {fact}"), value=printable(value))

@@ -51,8 +51,8 @@ class Rules:
     """Holds the limits of all frames.
 
     level: a key of STRICTNESSES. limits: changes for all frames. frames: changes for single frames, by name. overrides:
-    changes for all frames, applied last. file: the file of limits. places: the lines in it that name frames, by name.
-    notes: notes for the user.
+    changes for all frames, applied last. file: the file of limits. places: the line of the file that names a frame, by
+    the frame's name. notes: notes for the user.
     """
 
     level: str = DEFAULT_LEVEL
@@ -70,7 +70,7 @@ class Rules:
 
     @property
     def other_limits(self) -> list[str]:
-        """Return the limits that differ from the level's, as in `largest 200, flip none by golden/compare.yaml`."""
+        """Return texts on limits that differ from the level's: `largest 200, flip none by golden/compare.yaml`."""
         of_level = STRICTNESSES[self.level].limits
         by_file = {figure: limit for figure, limit in self.limits.items() if figure not in self.overrides}
         descriptions = []
@@ -146,7 +146,7 @@ _FRAMES = schema.mapping_field(_LIMITS, "a mapping of frames to their limits", "
 
 
 def _parse_override(text: str, option_name: str, problems: list[Problem]) -> dict[str, float | None]:
-    """Parse `FIGURE=VALUE`."""
+    """Parse a limit, given as `FIGURE=VALUE`; return it by the metric's name, or add a problem and return nothing."""
     name, equals, value = (part.strip() for part in text.partition("="))
     location = f"{option_name} {text}"
     if equals:

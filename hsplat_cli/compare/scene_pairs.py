@@ -30,12 +30,12 @@ from renderer.record import FilmRecord, MadeFile
 from renderer.scene import MetricTarget, TimeBudget, counted, first_few, schedule_to_dict
 
 _TEMPLATE = Path("frame-{frame}.png")
-# Number of digits of a fingerprint in messages.
+# Number of digits of a volume's fingerprint that messages show.
 _SHOWN_DIGITS = 8
 
 
 def load_numbered_job(request: SceneRequest) -> FilmJob:
-    """Load the job of a scene, or of a film's sidecar, with all frames, as numbered pictures."""
+    """Load the job that draws all frames of a scene, or of a film's sidecar, as numbered PNG files."""
     return load_job(replace(request, frames=None, output=_TEMPLATE), "nothing")
 
 
@@ -94,7 +94,7 @@ def rendered_frames(
 
 
 class _DrawingEvents(FilmEvents):
-    """Shows only the progress of frames whose files are temporary."""
+    """Shows only the progress of drawing frames: their files are temporary, so their names and notes are not shown."""
 
     def started(self, label: str, num_frames: int) -> None:
         """Show a bar for the frames, without their temporary names."""
@@ -206,7 +206,10 @@ def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]
 
 
 def _facts(before: GoldenOrigin, now: GoldenOrigin) -> dict[str, tuple[str, str]]:
-    """Return the device, the volume and the versions of common packages, each (at the goldens' time, now)."""
+    """Return the device, the volume and the versions of packages by name, each as (when the goldens were made, now).
+
+    Packages that only one of the origins lists are left out.
+    """
     common = before.versions.keys() & now.versions
     versions = {name: (before.versions[name], now.versions[name]) for name in sorted(common)}
     return {"device": (before.device, now.device), "volume": (_volume(before), _volume(now)), **versions}

@@ -34,8 +34,8 @@ class Strictness:
 # - one value in five rounded differently: densest 0.45, FLIP 0.009, bias 0.10;
 # - other processors: up to 3 steps, as others have reported.
 #
-# Limits that are not whole numbers leave a factor of at least 1.29 to these values. A pixel that changes by 2 steps
-# always fails at `same-machine`.
+# Limits that are not whole numbers are at least 1.29 times these values. A pixel that changes by 2 steps always fails
+# at `same-machine`.
 STRICTNESSES = {
     "exact": Strictness(
         "the same picture, but for colours at an alpha of 0: one program, one driver, one kind of processor",
@@ -61,7 +61,8 @@ def exceeded_limits(values: Mapping[str, float], limits: Limits) -> list[str]:
     ]
 
 
-# The unit of an error whose limit is 0, by the metric's unit: a grey step, or about as large an error of FLIP or SSIM.
+# The error that counts as 1 where the limit allows no error, by the metric's unit: one grey step, or 0.01 for FLIP and
+# SSIM, which is about as large.
 _UNIT_ERRORS = {"steps": 1.0, "": 0.01}
 
 

@@ -33,7 +33,7 @@ memory_option = click.option(
     callback=lambda _context, _option, text: None if text is None else parse_bytes(text, where="--memory"),
     help="Use at most this much of a machine's memory for bricks, such as 2GB; half of the free memory by default.",
 )
-# Hands an ExecutorSpec to the command, as its parameter `executor`.
+# Declares `--scheduler` and `--memory`, and hands them to the command as an ExecutorSpec, its parameter `executor`.
 executor_options = packed_options(
     "executor",
     ExecutorSpec,
@@ -45,7 +45,7 @@ executor_options = packed_options(
 
 
 def require_scheduler(address: str | None) -> None:
-    """Raise InputError for a wrong address, or where Dask is not installed."""
+    """Raise InputError for a wrong address of a Dask scheduler, or where Dask is not installed. None is right."""
     if address is None:
         return
     found = _ADDRESS.fullmatch(address)
@@ -55,7 +55,7 @@ def require_scheduler(address: str | None) -> None:
 
 
 def require_untimed(address: str | None, scene: FilmScene, *, progressive: bool) -> None:
-    """Raise InputError where a cluster would draw timed frames, which need one process."""
+    """Raise InputError where a cluster would draw frames whose time is limited: one process must draw them."""
     if address is None or not (progressive or isinstance(scene.error.goal, TimeBudget)):
         return
     frames = "frames of --progressive" if progressive else "frames on a budget of time, error.seconds,"

@@ -36,16 +36,17 @@ def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: FilmScene) -> I
     with contextlib.ExitStack() as stack:
         client = stack.enter_context(connect(spec.scheduler))
         executor = SchedulerExecutor(client, spec, scene, stack, reporter)
-        if isinstance(scene.error.goal, MetricTarget):  # the search for its tolerance draws in this process: fail now
+        # The search for the tolerance draws in this process. If the scene needs OpenGL and there is none, fail now.
+        if isinstance(scene.error.goal, MetricTarget):
             _ = executor.rasterizer
         yield executor
 
 
 class SchedulerExecutor:
-    """Draws with the workers of a scheduler.
+    """Draws frames with the workers of a Dask scheduler.
 
-    device: a placeholder, as records of frames have the devices of the workers. brick_memory: None, as this process
-    does not know it.
+    device: a placeholder, because the record of each frame has its worker's device. brick_memory: None, because this
+    process does not know the memory of the workers' bricks.
     """
 
     device = "the devices of a cluster's workers"
@@ -65,11 +66,11 @@ class SchedulerExecutor:
 
     @cached_property
     def rasterizer(self) -> Rasterizer:
-        """Open the rasterizer that draws trial frames in this process."""
+        """Return the rasterizer that draws trial frames in this process; it is opened at first use."""
         return self._stack.enter_context(open_local_executor(self._scene, MemoryShare(self._spec.memory))).rasterizer
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
-        """Yield these frames, in this order; may be closed before its end."""
+        """Yield the frames with these numbers, in this order; the generator may be closed before its end."""
         assert not plan.is_timing_dependent, "frames on a budget of time are drawn by one process"
         from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
 

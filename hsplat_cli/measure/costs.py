@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from hsplat_cli.measure.pareto import Cost, cost_at_psnr, pareto_front
 from hsplat_cli.measure.sweep import Measurement, Setting
 
+# A function that returns the cost of a measurement, such as seconds or splats.
 CostOf = Callable[[Measurement], float]
 
 # PSNR of the first row of the table of costs, in dB; the table begins lower if no measurement reaches it.
@@ -41,7 +42,7 @@ def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]
 
 
 def cost_in_time(measurement: Measurement) -> float:
-    """Return the median seconds of a frame."""
+    """Return the median time of a frame, in seconds."""
     return measurement.frame_seconds
 
 
@@ -51,16 +52,17 @@ def front_of(measurements: Sequence[Measurement], cost: CostOf) -> list[int]:
 
 
 def on_pareto_fronts(measurements: Sequence[Measurement]) -> list[tuple[bool, bool]]:
-    """Return for each measurement whether it is on the front of time, and whether it is on the front of splats."""
+    """Return for each measurement whether it is on the Pareto front of time and PSNR, and of splats and PSNR."""
     time, splats = (set(front_of(measurements, cost)) for cost in (cost_in_time, cost_in_splats))
     return [(i in time, i in splats) for i in range(len(measurements))]
 
 
 @dataclass(frozen=True)
 class CostAtPsnr:
-    """Holds the cost of a PSNR (dB), interpolated on the Pareto fronts: seconds and splats of a frame.
+    """Holds the cost of reaching a PSNR, interpolated on the Pareto fronts.
 
-    splats: None without measurements of splats. setting: the fastest measured setting that reaches the PSNR.
+    psnr: in dB. time: seconds of a frame. splats: number of splats of a frame; None without measurements of splats.
+    setting: the fastest measured setting that reaches the PSNR.
     """
 
     psnr: float

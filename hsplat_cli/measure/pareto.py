@@ -20,7 +20,7 @@ class Cost(NamedTuple):
 def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
     """Return the indices of the points on the Pareto front: no other point has both a lower cost and a lower error.
 
-    They are sorted by rising cost. The first of equal points is kept; points with a NaN are never on the front.
+    The indices are sorted by rising cost. The first of equal points is kept; a point with a NaN is never on the front.
     """
     order = sorted(
         (i for i in range(len(costs)) if not (math.isnan(costs[i]) or math.isnan(errors[i]))),
@@ -34,7 +34,10 @@ def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
 
 
 def cost_at_psnr(psnrs: Sequence[float], costs: Sequence[float], wanted: float) -> Cost:
-    """Return the cost of reaching a PSNR (dB) on the Pareto front of some points, log-linear between them."""
+    """Return the cost of reaching a PSNR (dB) on the Pareto front of measured points.
+
+    Between two points of the front, the logarithm of the cost is linear in the PSNR.
+    """
     front = pareto_front(costs, [-psnr for psnr in psnrs])
     if not front or psnrs[front[-1]] < wanted:
         return Cost(math.inf)

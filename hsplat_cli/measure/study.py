@@ -54,7 +54,7 @@ from renderer.volume import Volume, joint_fingerprint
 # Number of frames measured by default.
 _NUM_FRAMES = 3
 
-# Settings to measure, grouped by pyramid.
+# The settings to measure, grouped by the pyramid that they share.
 Plan = Sequence[Sequence[PlannedSetting]]
 
 _QUICK_NOTE = (
@@ -67,8 +67,8 @@ _QUICK_NOTE = (
 class StudyRequest:
     """Describes a requested study: the scene, the settings and the frames to measure.
 
-    name: the name of the scene's file. frames: None for a few frames spread over the path. folder: the folder of the
-    report.
+    name: the name of the scene's file. frames: None for a few frames spread over the path. repeats: the largest number
+    of timed passes of a setting. truth_tolerance: the tolerance of exact pictures. folder: the folder of the report.
     is_quick: whether pictures are compared with a few exact rays in place of whole exact pictures. The sweep then has
     one footprint and one error measure.
     """
@@ -99,7 +99,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
 
 def _run_study(request: StudyRequest, reporter: Reporter) -> None:
     scene = request.scene
-    machine = describe_machine(_devices(request))  # fails before a voxel is read
+    machine = describe_machine(_devices(request))  # a missing device fails here, before a voxel is read
     volumes = read_film_volumes(scene).first
     volume = volumes[0]
     camera = scene.at(0).camera

@@ -26,26 +26,28 @@ from renderer.scene import ErrorSpec, FilmScene, SplatSpec, tolerance_at, with_t
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
-# Most tolerances of a series that are chosen, if the user gives none.
+# Largest number of tolerances that are chosen for a series, if the user gives none.
 _MAX_TOLERANCES = 10
-# Seconds to draw a cell as a splat, by a software renderer on two cores. Only the ratios of these four numbers matter:
-# they predict the remaining time.
+# Seconds to draw a cell as a splat, by a software renderer on two cores. Only its ratios to the next three numbers
+# matter, which predict the remaining time with it.
 _PER_CELL = 1e-6
-# Seconds to draw a triangle of a Gouraud splat.
+# Seconds to draw a triangle of a Gouraud splat, by a software renderer on two cores.
 _PER_TRIANGLE = 1.2e-7
-# Seconds to take a sample of a ray in a brick.
+# Seconds to take a sample of a ray in a brick, on two cores.
 _PER_SAMPLE = 1e-7
-# Seconds for each picture, whatever it shows.
+# Seconds that each picture takes on two cores, whatever it shows.
 _PER_PICTURE = 0.4
-# Steps that are timed for each frame.
+# Names of the steps that are timed for each frame.
 FRAME_STEPS = ("order", "draw", "quantize")
-# Steps that are timed once for a cut, which many frames may share.
+# Names of the steps that are timed once for a cut, which many frames may share.
 _CUT_STEPS = ("cut", "primitives")
-# A setting that took this many seconds to draw is not drawn again.
+# Time after which a setting is not repeated, in seconds: if the first pass took longer, only the first frame is drawn
+# again; and no timed pass begins once timed passes have taken longer.
 _REPEAT_LIMIT_S = 4.0
 
-# The seconds of each step, by its name.
+# The time of each step of drawing a frame, in seconds, by the name of the step.
 Seconds = Mapping[str, float]
+# The truth of each frame: its whole exact picture, or some exact pixels.
 Truths = Sequence[Truth] | Sequence[SampledTruth]
 
 
@@ -142,7 +144,7 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
 def measure_setting(
     stage: FilmStage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int
 ) -> Measurement:
-    """Measure the scene at its constant tolerance and with its footprint, on the frames of the truths.
+    """Measure a scene at its constant tolerance and with its footprint, on the frames whose truths are given.
 
     repeats: the largest number of timed passes. With 0 the first pass is timed, in which the first frame may be slower.
     """
@@ -193,7 +195,8 @@ def _timed_passes(
 ) -> list[list[Seconds]]:
     """Return the seconds of the frames in up to `repeats` warm passes; with `repeats` of 0, in the first pass.
 
-    If the first pass takes too long to repeat, only its first frame is drawn again; the other frames were warm.
+    If the first pass takes too long to repeat, only its first frame is drawn again: the others were
+    drawn with warm shaders, buffers and caches.
     """
 
     def draw(numbers: Sequence[int]) -> list[Seconds]:
@@ -218,7 +221,11 @@ def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[s
 
 @dataclass(frozen=True)
 class PlannedSetting:
-    """Holds a setting to measure: the scene at its constant tolerance and footprint, and its `Primitive.work`."""
+    """Holds a setting to measure.
+
+    scene: the scene at the setting's constant tolerance and footprint. splat: the section with this footprint. work:
+    the amount of work of a frame, in cells or samples, from `Primitive.work`.
+    """
 
     scene: FilmScene
     splat: SplatSpec
@@ -287,7 +294,7 @@ def _with_setting(scene: FilmScene, error: ErrorSpec, splat: SplatSpec) -> FilmS
 def _work_by_tolerance(stage: FilmStage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
     """Return the tolerances to measure on a stage, from coarse to fine, with the work of drawing at each.
 
-    own: a tolerance that is added to the chosen ones.
+    tolerances: None to choose them. own: the scene's tolerance, which is added to chosen tolerances.
     """
     work = cache(make_primitive(stage.first).work)
     if tolerances is None:

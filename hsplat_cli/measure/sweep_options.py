@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 # The values of the keys `measure` and `of` in the section `error`, by the words of --measures.
 _MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
-# The field type of a wanted accuracy, by metric.
+# The field type, which checks the range, of a wanted accuracy, by the name of its metric.
 _WANTED: schema.FieldTable = {
     "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB),
     **dict.fromkeys(("rmse", "ssim", "flip"), schema.number_field(above=0, maximum=1)),
@@ -32,8 +32,8 @@ _WANTED: schema.FieldTable = {
 class Sweep:
     """Holds the lists of a sweep, all of whose combinations are measured.
 
-    errors: a section `error` for each measure, whose tolerance is ignored. splats: a section for each footprint, with
-    and without opacity correction. tolerances: None for a choice that suits the volume.
+    errors: a section `error` of the scene for each error measure; its tolerance is ignored. splats: a section `splat`
+    for each footprint, with and without opacity correction. tolerances: None for a choice that suits the volume.
     """
 
     errors: tuple[ErrorSpec, ...]
@@ -44,7 +44,9 @@ class Sweep:
 def parse_sweep(
     scene: Scene, *, tolerances: str | None, footprints: str | None, measures: str | None, corrections: str
 ) -> Sweep:
-    """Parse lists with commas. Raises SceneError or InputError with the name of the option.
+    """Parse the options of a sweep, which are lists with commas.
+
+    Raises SceneError or InputError with the name of the option.
 
     footprints, measures: None for the defaults that can show the scene.
     """
@@ -68,7 +70,7 @@ def parse_sweep(
 
 
 def parse_want(text: str) -> MetricTarget:
-    """Parse `psnr=38`, `rmse=0.01`, `ssim=0.95` or `flip=0.02`. Raises SceneError."""
+    """Parse a wanted accuracy: `psnr=38`, `rmse=0.01`, `ssim=0.95` or `flip=0.02`. Raises SceneError."""
     metric, _, number = (part.strip() for part in text.partition("="))
     problems: list[Problem] = []
     wanted = schema.read_option(
@@ -79,7 +81,7 @@ def parse_want(text: str) -> MetricTarget:
 
 
 def _items(option: str, text: str, field: schema.FieldType[T]) -> tuple[T, ...]:
-    """Return the values between the commas, without repetitions."""
+    """Return the values of a list with commas, without repetitions."""
     problems: list[Problem] = []
     found = [schema.read_option(field, word.strip(), option, problems) for word in text.split(",")]
     raise_problems(problems)

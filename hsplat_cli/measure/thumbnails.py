@@ -24,5 +24,5 @@ def thumbnail(picture: FloatImage) -> UInt8:
 
 
 def amplified_difference(picture: FloatImage, truth: FloatImage) -> FloatImage:
-    """Return the absolute difference, times DIFFERENCE_GAIN, at most 1."""
+    """Return the absolute difference of a picture from the truth, times DIFFERENCE_GAIN, at most 1."""
     return np.minimum(np.abs(picture - truth) * DIFFERENCE_GAIN, 1.0)

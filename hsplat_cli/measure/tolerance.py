@@ -37,10 +37,11 @@ def open_at_any_tolerance(scene: FilmScene, volumes: Sequence[Volume]) -> FilmSt
 def print_tolerance(
     scene: FilmScene, want: MetricTarget, numbers: Sequence[int], truth_tolerance: float | None, reporter: Reporter
 ) -> None:
-    """Search the tolerance for an accuracy; the last printed line is made for the scene file.
+    """Print the coarsest tolerance that reaches an accuracy; the last line can be copied into the scene file.
 
-    truth_tolerance: the tolerance of whole exact pictures; None to compare with a few exact rays of each frame, if they
-    can measure the metric. Raises RenderError if full resolution is not accurate enough.
+    numbers: the frames on which the accuracy must be reached. truth_tolerance: the tolerance of whole exact pictures;
+    None to compare with a few exact rays of each frame, if they can measure the metric. Raises RenderError if full
+    resolution is not accurate enough.
     """
     _require_measurable(scene, want)
     noun = scene.primitive_name
@@ -69,7 +70,7 @@ def print_tolerance(
 
 
 def find_truth(stage: FilmStage, tolerance: float, events: FilmEvents, frame: int) -> Truth:
-    """Compute the truth of a frame, and show the progress."""
+    """Compute the exact picture of a frame, and show the progress of the computation."""
     tell, start = partial(events.truth_progressed, frame), time.perf_counter()
     truth = compute_truth(stage, frame, tolerance, num_threads=num_cores(), on_progress=tell)
     return replace(truth, seconds=time.perf_counter() - start)
@@ -86,7 +87,7 @@ def nothing_visible_error(num_frames: int) -> InputError:
 
 
 def _comment(found: FoundTolerances, noun: str) -> str:
-    """Describe the accuracy at the tolerance, and the number of bricks or splats."""
+    """Describe the accuracy at the tolerance that was found, and the number of bricks or splats."""
     worst, frames = found.worst, ", ".join(map(str, found.tried))
     drawn, value = counted(worst.num_cells, noun), found.want.format(worst.value)
     if len(found.tried) == 1:

@@ -1,4 +1,4 @@
-"""Shows the states of a scene on a page in a browser: by a script beside the page, or by a server for one user."""
+"""Shows a scene that is being edited on a page in a browser, by a script beside the page or a server for one user."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from renderer.errors import InputError
 from renderer.film import WrittenFiles, locked_files, staged_files, translate_os_errors, write_staged
 from renderer.scene import require_file
 
-# The first line of the script beside a page, which marks it as one of hsplat.
+# The first line of the script beside a page, which shows that hsplat has written the script.
 _SCRIPT_MARK = b"// by hsplat\n"
 
 
 @contextlib.contextmanager
 def file_states(page: Path, title: str, inputs: Iterable[Path]) -> Iterator[Callable[[State], None]]:
-    """Write a page, and a script beside it that the page loads again and again; yield a function that writes a state.
+    """Write a page, and a script beside it; yield a function that writes a state of the scene into the script.
 
-    Browsers let a page from a file load a script beside it, and nothing else. Both files are locked until the end of
-    the context. Raises InputError if one of them is an input, or if another script has the name.
+    The page loads the script again and again: browsers let a page from a file load a script beside it, and nothing
+    else. Both files are locked until the end of the context. Raises InputError if one of them is an input, or if a
+    script that is not by hsplat has the name.
     """
     script = page.with_name(f"{page.name}.js")
     WrittenFiles([page, script]).require_harmless(inputs)
@@ -55,7 +56,7 @@ def _require_own_script(script: Path) -> None:
 
 @contextlib.contextmanager
 def served_states(title: str) -> Iterator[tuple[str, Callable[[State], None]]]:
-    """Serve a page to this machine, and yield its address and a function that sends a state to it."""
+    """Serve a page to this machine; yield its address, and a function that sends a state of the scene to the page."""
     page = render_page("watch.html", title=title, script="", is_served=True).encode()
     channel = Channel(_json(State(0)))
     with serve_page(page, channel) as address:
@@ -63,7 +64,7 @@ def served_states(title: str) -> Iterator[tuple[str, Callable[[State], None]]]:
 
 
 def _json(state: State) -> str:
-    """Return a state as JSON, in one line of ASCII."""
+    """Return a state of the scene as JSON, in one line of ASCII, with its picture as a data URI."""
     shot = state.shot
     seen = {} if shot is None else {"uri": webp_data_uri(shot.pixels), "alt": shot.seen, "caption": shot.caption}
     return json.dumps({"number": state.number, "error": state.error, **seen})

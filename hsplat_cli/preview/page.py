@@ -19,29 +19,29 @@ from renderer.record import FilmVisibility, VisibleRange, film_visibility, range
 from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance
 from renderer.system import num_cores, start_threads
 
-# Number of calls of `advance`.
+# Number of times that `preview_page` calls `advance`: once for each part of the page.
 NUM_PARTS = 4
-# Number of frames of the film on the page.
+# Largest number of frames of the film that the page shows.
 _NUM_FRAMES = 12
-# Longer side of a frame, in pixels.
+# Longer side of a frame on the page, in pixels.
 _FRAME_PX = 192
-# Longer side of a frame with annotation, which is reduced to _FRAME_PX after drawing.
+# Longer side, in pixels, at which a frame with annotation is drawn; then it is reduced to _FRAME_PX.
 _ANNOTATED_PX = 512
 # Number of pictures of the turning object.
 _NUM_TURNED = 24
 # Number of pictures of the turning object in a row.
 _TURN_COLUMNS = 6
-# Longer side of a turning picture, in pixels.
+# Longer side of a picture of the turning object, in pixels.
 _TURN_PX = 192
 # Longer side of the pictures of variants, in pixels.
 _OTHERS_PX = 256
-# Tolerance of turning pictures, unless the scene's tolerance is larger.
+# Tolerance of pictures of the turning object, unless the scene's tolerance is larger.
 _TURN_TOLERANCE = 0.3
-# Elevation of turning pictures in degrees, unless the film is a turntable.
+# Elevation of the camera around the turning object, in degrees, unless the film is a turntable.
 _ELEVATION = 20.0
-# Number of exact rays of each frame, which find the visible values.
+# Number of exact rays through each frame on the page, which find the visible values.
 _RAYS_A_FRAME = 96
-# Most layers that have a chart.
+# Largest number of layers whose charts the page shows.
 _MOST_CHARTS = 8
 
 
@@ -56,7 +56,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
     with open_rasterizer(film) as rasterizer, start_threads(1) as beside:
         studio, still = Studio(rasterizer), small_scene(film.at(frame), _OTHERS_PX)
         with studio.stage(still) as stage:
-            looks = beside.submit(suggest_looks, stage.first)  # in one thread, while others draw
+            looks = beside.submit(suggest_looks, stage.first)  # in a thread of its own, while other threads draw
             sheet, visibility, glances = _sheet(studio, job)
             advance("frames")
             shown = [*enumerate(stage.layers[:_MOST_CHARTS])]
@@ -111,12 +111,12 @@ def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | N
 
 
 def _of_layer(visibility: FilmVisibility | None, number: int) -> list[VisibleRange]:
-    """Return the visible ranges of the layer with this number."""
+    """Return the visible ranges of values of the layer with this number; none if they were not measured."""
     return [each for each in visibility.ranges if each.layer in (None, number)] if visibility is not None else []
 
 
 def _turn(studio: Studio, still: Scene) -> Shot:
-    """Draw a turn around the target, all frames in one picture, row by row."""
+    """Draw the object from all sides: the frames of a turn around the camera's target, in one picture, row by row."""
     camera = replace(still.camera, loop="restart")
     path = camera.path.pieces[0] if isinstance(camera.path, PathSequence) else camera.path
     if isinstance(path, TurntablePath):

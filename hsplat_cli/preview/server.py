@@ -16,21 +16,22 @@ import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-# The types of socketserver: a request, which is a connection or a packet with one, and the address of its client.
+# A request, in the types of socketserver: a connection, or a packet with its connection.
 _Request = socket.socket | tuple[bytes, socket.socket]
+# The address of a client, in the types of socketserver.
 _Address = tuple[str, int] | str
 
 _LOOPBACK = "127.0.0.1"
-# Most connections at a time: each open tab has one, and a browser opens some in advance.
+# Largest number of connections at a time: each open tab has one, and a browser opens some in advance.
 MAX_CONNECTIONS = 32
-# Seconds in which a client must complete a request, and in which it must take an answer.
+# Seconds that a client has to complete a request, and again to take the answer.
 IDLE_S = 10.0
-# Seconds without news after which a connection gets a line that says so: writing it detects a closed connection.
+# Seconds without a new text after which a connection gets a line without one: writing it detects a closed connection.
 _HEARTBEAT_S = 5.0
 
 
 class Channel:
-    """Holds the latest text for the page, and hands it to every thread that waits for it."""
+    """Holds the latest text for the page, and hands each new text to every thread that waits for one."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -45,7 +46,7 @@ class Channel:
             self._changed.notify_all()
 
     def texts(self) -> Iterator[str | None]:
-        """Yield the text and each later text, without end; None after each _HEARTBEAT_S without a new one."""
+        """Yield the latest text and each later text, without end; None after each _HEARTBEAT_S without a new text."""
         sent = -1
         while True:
             with self._changed:
@@ -82,7 +83,7 @@ class _Server(ThreadingHTTPServer):
         self.deadlines: dict[socket.socket, float] = {}
 
     def process_request(self, request: _Request, client_address: _Address) -> None:
-        """Answer in a thread, or close the connection if there are too many."""
+        """Answer the request in a thread, or close its connection if there are too many connections."""
         assert isinstance(request, socket.socket), "a TCP server has no datagrams"
         if not self._places.acquire(blocking=False):
             self.shutdown_request(request)
@@ -95,7 +96,7 @@ class _Server(ThreadingHTTPServer):
             raise
 
     def process_request_thread(self, request: _Request, client_address: _Address) -> None:
-        """Answer, in the connection's own thread."""
+        """Answer the request, in the connection's own thread."""
         assert isinstance(request, socket.socket), "a TCP server has no datagrams"
         try:
             super().process_request_thread(request, client_address)
@@ -126,7 +127,7 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         self.server.deadlines.pop(self.connection, None)
         name = self.path.removeprefix("/").split("/")
-        # A page of another origin can use a host name of its own that leads to this address: require ours.
+        # A page of another origin can reach this server by a host name that leads to this address: require ours.
         is_own = self.headers.get("Host") == f"{_LOOPBACK}:{self.server.server_port}"
         if len(name) != 2 or not is_own or not hmac.compare_digest(name[0].encode(), self.server.token.encode()):
             self.send_error(404)

@@ -1,4 +1,4 @@
-"""Draws small pictures of a scene, from layers that are made once."""
+"""Draws small pictures of a scene, from layers (pyramids and bricks) that are made once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from renderer.volume import Volume
 
 # Tolerance of small pictures where the scene has a goal, as a search for the tolerance that reaches it takes long.
 TOLERANCE = 0.1
-# Largest difference from the background, in steps of 255, of a pixel that counts as empty.
+# Largest difference from the background, in grey steps of 255, at which a pixel counts as empty.
 _UNSEEN = 2
 
 
@@ -29,7 +29,7 @@ _UNSEEN = 2
 class Shot:
     """Holds a small picture with its caption.
 
-    seen: a description for readers who cannot see the picture. lines: the lines of a scene that make it.
+    seen: a description for readers who cannot see the picture. lines: the lines of a scene file that make the picture.
     """
 
     caption: str
@@ -46,19 +46,22 @@ class Studio:
     maker: StageMaker = field(default_factory=lambda: StageMaker(num_cores(), any_tolerance=True))
 
     def stage(self, scene: FilmScene, volumes: Sequence[Volume] | None = None) -> FilmStage:
-        """Return the stage of a scene. volumes: replace the scene's volumes."""
+        """Return the stage of a scene. volumes: volumes that are drawn in place of the scene's volumes."""
         maker = self.maker if volumes is None else StageMaker(num_cores(), any_tolerance=True)
         return prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volumes=volumes, maker=maker)
 
     def draw(self, stage: FilmStage, frames: Sequence[int], num_rays: int = 0) -> list[DrawnFrame]:
-        """Draw frames, with their annotation. num_rays: exact rays of each frame, which measure its accuracy."""
+        """Draw frames, with their annotation. num_rays: number of exact rays, which measure the accuracy."""
         prober = FrameProber(stage.first, num_rays, num_threads=num_cores()) if num_rays else None
         return [*draw_frames(stage, frames, self.rasterizer, ScheduleController(stage), prober)]
 
     def shoot(
         self, scene: FilmScene, frame: int, caption: str, lines: str, volumes: Sequence[Volume] | None = None
     ) -> Shot:
-        """Draw one frame of a scene. lines: the scene's lines, as in Shot. volumes: as in `stage`."""
+        """Draw one frame of a scene, with a caption.
+
+        lines: the lines of a scene file that make the picture. volumes: volumes in place of the scene's volumes.
+        """
         with self.stage(scene, volumes) as stage:
             (drawn,) = self.draw(stage, [frame])
         return shot_of(drawn, scene.output.background_at(frame), caption, lines)

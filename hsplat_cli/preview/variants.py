@@ -1,4 +1,4 @@
-"""Draws variants of a scene, each with the lines that make it."""
+"""Draws variants of a scene, each with the lines of a scene file that make it."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from renderer.volume import Volume, sampled_volume
 
 # Factors by which variants multiply the opacity.
 _FACTORS = (0.5, 1.0, 2.0)
+# Tolerances of variants.
 _TOLERANCES = (1.0, 0.3, 0.1)
-# Number of exact rays that measure the accuracy of a picture.
+# Number of exact rays that measure the accuracy of a variant at another tolerance.
 _NUM_RAYS = 512
 # Words of --preset for computed tomography.
 _CT_PRESETS = ("bone", "vessels", "skin", "xray")
@@ -39,9 +40,10 @@ def variants(
 ) -> Iterator[tuple[str, list[Shot]]]:
     """Yield rows of variants of a scene in which nothing moves: a heading, and pictures of a frame.
 
-    coarser: the pictures by `draw_tolerances`. looks: the looks by `suggest_looks`.
+    frame: the number of the frame in the film. coarser: the pictures by `draw_tolerances`. looks: the looks by
+    `suggest_looks`.
     """
-    scene = replace(stage.scene, camera=stage.camera)  # the same view for all variants
+    scene = replace(stage.scene, camera=stage.camera)  # framed already: all variants have the same view
     if not scene.mode.is_projection:
         unit = stage.layers[0].transfer.unit
         yield "Opacity", [_denser(studio, scene, unit / factor, frame, factor) for factor in _FACTORS]
@@ -53,7 +55,10 @@ def variants(
 
 
 def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float) -> Shot:
-    """Draw the scene with all extinctions times a factor. unit: a transfer function's unit with the same effect."""
+    """Draw the scene with all extinctions multiplied by `factor`.
+
+    unit: the length `unit` of the transfer function that has the same effect, for the lines of the scene file.
+    """
     caption = f"opacity × {factor:g}"
     layers = tuple(replace(layer, weight=factor * layer.weight) for layer in scene.layers)
     if scene.has_list:
@@ -67,9 +72,9 @@ def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float
 
 
 def draw_tolerances(studio: Studio, job: FilmJob, frame: int, side: int, prepared_s: float) -> list[Shot]:
-    """Draw a frame of a film at some tolerances, measure it by exact rays, and predict the cost of the film.
+    """Draw a frame of a film at each of _TOLERANCES, with its measured accuracy and the predicted cost of the film.
 
-    side: the longer side of the pictures, in pixels. prepared_s: seconds to prepare the film.
+    side: the longer side of the pictures, in pixels. prepared_s: the seconds that preparing the film took.
     """
     shots = []
     for tolerance in _TOLERANCES:
@@ -90,7 +95,10 @@ def draw_tolerances(studio: Studio, job: FilmJob, frame: int, side: int, prepare
 
 
 def suggest_looks(stage: Stage) -> Looks:
-    """Suggest looks of a stage's only volume, by the presets that suit its values, from some of its voxels."""
+    """Suggest looks for a scene of one volume, by the presets that suit its values, from some of its voxels.
+
+    Returns none for a scene of several volumes, labels, colours or splats, with a mask, or with a projection as mode.
+    """
     scene, (layer, *others) = stage.scene, stage.layers
     is_plain = not (others or scene.needs_opengl or scene.mode.is_projection or layer.volume.is_labels)
     if not is_plain or layer.spec.volume.has_colors or layer.volume.mask is not None:

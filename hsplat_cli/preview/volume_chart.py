@@ -19,7 +19,7 @@ from renderer.volume import Array, Float64, Int64, UInt8, Volume
 
 # Number of bars of a histogram.
 _COLUMNS = 160
-# Most voxels along each axis whose logarithms are counted.
+# Largest number of voxels along each axis whose logarithms a histogram counts.
 _MOST_COUNTED = 128
 # Longer side of a slice, in pixels.
 _SLICE_PX = 256
@@ -28,9 +28,11 @@ _SLICE_PX = 256
 class VolumeChart(TypedDict):
     """Describes a chart and the slices of a layer for the template `preview.html`.
 
-    The chart goes from 0 to 1 across and downwards. bars, curve: paths of SVG. stops: places and colours of the colour
-    scale. ends: the values at both ends of the axis. largest: the largest opacity. ranges: of each visible range of
-    values both ends, its share of the picture, and this share as text. rows: the rows of the table of visible values.
+    The chart goes from 0 to 1 across and downwards. name: the name of the layer. bars, curve: SVG paths of the
+    histogram and of the opacities. stops: places and colours of the colour scale. ends: the values at both ends of the
+    axis. axis: the title of the axis. largest: the largest opacity. unit: the length that opacities belong to. ranges:
+    of each visible range of values both ends, its share of the picture, and this share as text. rows: the rows of the
+    table of visible values.
     """
 
     name: str
@@ -47,7 +49,7 @@ class VolumeChart(TypedDict):
 
 
 def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> VolumeChart:
-    """Lay out the chart of a layer, and draw its slices. shown: the visible values of the layer."""
+    """Lay out the chart of a layer, and draw its slices. shown: the visible ranges of values of the layer."""
     volume, transfer = layer.volume, layer.transfer
     statistics = compute_statistics(volume.values, volume.source)
     first = _first_of_logarithms(layer)
@@ -59,7 +61,8 @@ def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> VolumeChart:
         return np.clip(values if first is None else np.log10(np.maximum(values, first)), low, high)
 
     def across(places: Float64) -> Float64:
-        return (places / 2 - low / 2) / (high / 2 - low / 2)  # halves, as the difference of the ends may overflow
+        # In halves, because the difference of the ends may overflow.
+        return (places / 2 - low / 2) / (high / 2 - low / 2)
 
     even, places = np.linspace(low, high, _COLUMNS), on_axis(transfer.values)
     inner = transfer.values[(places > low) & (places < high)]
@@ -70,7 +73,7 @@ def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> VolumeChart:
     bars = zip(heights, across(edges[1:]), strict=True)
     curve = zip(across(on_axis(scalars)), 1 - 0.95 * opacities / (opacities.max() or 1.0), strict=True)
     ranges = [] if volume.is_labels else shown
-    ends = np.array([(each.low, each.high) for each in ranges], np.float64).reshape(-1, 2)  # NaN for None
+    ends = np.array([(each.low, each.high) for each in ranges], np.float64).reshape(-1, 2)  # with NaN for an open end
     ends = across(np.where(np.isnan(ends), (low, high), on_axis(ends))).tolist()
     return {
         "name": layer.spec.name or Path(volume.name).name,
@@ -97,14 +100,17 @@ def _first_of_logarithms(layer: Layer) -> float | None:
 
 
 def _count_logarithms(volume: Volume, first: float) -> tuple[Int64, Float64]:
-    """Return a histogram of the logarithms of some of the voxels."""
+    """Return counts and edges of a histogram of the decimal logarithms of some of the voxels.
+
+    first: the value to which smaller values are raised.
+    """
     z, y, x = (-(-side // _MOST_COUNTED) for side in volume.values.shape)
     values = volume.values[::z, ::y, ::x].astype(np.float64)
     return np.histogram(np.log10(np.maximum(values[np.isfinite(values)], first)), _COLUMNS)
 
 
 def _row(each: VisibleRange) -> dict[str, str]:
-    """Return the row of a range in the table of visible values: texts by the titles of columns."""
+    """Return the row of one visible range in the table of visible values: texts by the titles of columns."""
     ends = [f"{word} {end:.6g}" for word, end in (("from", each.low), ("to", each.high)) if end is not None]
     seen = {"largest\nopacity": f"{each.opacity:.3g}", "seen": format_percent(each.share)}
     return {"values": each.name or " ".join(ends) or "all"} | seen
@@ -117,7 +123,7 @@ def _classified(layer: Layer, scalars: Float64) -> tuple[Float64, Float64]:
 
 
 def _slices(layer: Layer, statistics: Statistics) -> list[Shot]:
-    """Return slices through the middle of the visible part, across x, y and z, each with its later axis upwards."""
+    """Return slices through the middle of the visible part, across x, y and z, each with the later axis upwards."""
     volume, shots = layer.volume, []
     middle = np.array([*visible_centre(visible_points(layer.pyramid)), 1.0])
     index = np.clip(np.round(np.linalg.solve(volume.world_from_index, middle)[:3]), 0, np.array(volume.shape_xyz) - 1)
@@ -133,7 +139,10 @@ def _slices(layer: Layer, statistics: Statistics) -> list[Shot]:
 
 
 def _colored(layer: Layer, statistics: Statistics, values: Array) -> UInt8:
-    """Return a slice in grey, covered by the transfer function's colours in proportion to the root of their opacity."""
+    """Return a slice, uint8 [h, w, 3], in grey, covered by the transfer function's colours.
+
+    The share of the colours is the square root of their opacity, relative to the largest opacity of the slice.
+    """
     has_data = np.isfinite(values)
     scalars = np.where(has_data, values, statistics.minimum).astype(np.float64)
     colors, opacities = _classified(layer, scalars)

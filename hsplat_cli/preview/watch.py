@@ -17,19 +17,23 @@ from renderer.scene import FilmScene, min_tolerance, with_tolerance
 from renderer.system import num_cores
 from renderer.volume import Volume, sampled_volume
 
-# Longer side in pixels, and finest tolerance, of each picture in turn.
+# Longer side, in pixels, and finest tolerance of each picture that is drawn after a change, one after the other.
 _STEPS = ((256, 1.0), (512, 0.3), (512, 0.0))
-# Most voxels along each axis in the first picture, if layers have to be made again.
+# Largest number of voxels along each axis in the first picture after a change, if layers have to be made again.
 _MOST_AT_ONCE = 128
-# Seconds between two looks at the file.
+# Seconds between two looks at the file of the scene.
 _POLL_S = 0.1
-# Seconds without a change after which the file is read: an editor may write it in pieces.
+# Seconds without a change after which the file of the scene is read: an editor may write it in pieces.
 _SETTLED_S = 0.05
 
 
 @dataclass(frozen=True)
 class State:
-    """Holds a state of the page: the last picture that could be drawn, and the error of the scene, if it has one."""
+    """Holds a state of the page.
+
+    number: the number of the state, which rises. shot: the last picture that could be drawn. error: the error of the
+    scene, if it has one.
+    """
 
     number: int
     shot: Shot | None = None
@@ -39,8 +43,8 @@ class State:
 def watch(request: SceneRequest, show: Callable[[State], object], keeps_on: Callable[[], bool] = lambda: True) -> None:
     """Call `show` with each state of a scene, until an interrupt.
 
-    Mistakes in the scene are shown; the last good picture stays. keeps_on: called while nothing changes, and returns
-    whether to go on.
+    Mistakes in the scene are shown, with the last picture that could be drawn. keeps_on: a function that is called
+    while nothing changes, and returns whether to go on.
     """
     state, maker = State(0), StageMaker(num_cores(), any_tolerance=True)
     for mark in _changes(request.path, keeps_on):
@@ -59,7 +63,7 @@ def watch(request: SceneRequest, show: Callable[[State], object], keeps_on: Call
 
 
 def _changes(path: Path, keeps_on: Callable[[], bool]) -> Iterator[tuple[int, ...] | None]:
-    """Yield the mark of a file, at first and after each change; None while the file is not there."""
+    """Yield the mark of a file (see `_mark`), at first and after each change; None while the file is not there."""
     known: tuple[int, ...] | None = ()
     while keeps_on():
         mark = _mark(path)

@@ -7,28 +7,28 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-# Pixels left of the axes, for the numbers and the title of the y axis.
+# Width of the space left of a chart's axes, in pixels, for the numbers and the title of the y axis.
 _LEFT = 62
-# Pixels right of the axes.
+# Width of the space right of a chart's axes, in pixels.
 _RIGHT = 14
-# Pixels above the axes.
+# Height of the space above a chart's axes, in pixels.
 _TOP = 14
-# Pixels below the axes, for the numbers and the title of the x axis.
+# Height of the space below a chart's axes, in pixels, for the numbers and the title of the x axis.
 _BOTTOM = 52
-# Pixels below the axes for the crosses that mark values.
+# Height of the further space below a chart's axes, in pixels, if crosses mark values of the x axis.
 _CROSSES = 14
-# Height of the text of a label, in pixels.
+# Height of the text beside a point, in pixels.
 _LABEL_PX = 12.0
-# Approximate width of a letter of a label, in pixels.
+# Approximate width of a letter of the text beside a point, in pixels.
 _LETTER_PX = 6.8
-# Pixels between a point and its label.
+# Distance between a point and the text beside it, in pixels, along each axis.
 _LABEL_GAP_PX = 6.0
-# Share of the range of values by which an axis is longer than the range, at each end.
+# Length by which an axis exceeds the range of its values at each end, as a share of this range.
 _MARGIN = 0.06
-# Most ticks of an axis.
+# Largest number of ticks on an axis.
 _MOST_TICKS = 8
 
-# The path of each marker relative to its point, and the width of its stroke in pixels.
+# The SVG path of each marker of a point, relative to the point, and the width of the path's stroke in pixels.
 MARKERS = {
     "circle": ("h0", 7.0),
     "square": ("m-2.5-2.5h5v5h-5z", 1.5),
@@ -41,14 +41,19 @@ MARKERS = {
     "small circle": ("h0", 5.0),
     "dot": ("h0", 2.5),
 }
-# The names of the colours of curves in PALETTE.
+# The names of the eight colours of curves: keys of `PALETTE` in html.py.
 SERIES = tuple(f"series-{number}" for number in range(1, 9))
 
+# A point of a chart: its values on the x axis and the y axis.
 Point = tuple[float, float]
 
 
 class Tick(NamedTuple):
-    """Marks a number on an axis. note: text at the end of the tick's line, which is then strong."""
+    """Marks a number on an axis.
+
+    at: the place on the axis. text: the number as text. note: a text at the end of the tick's line across the chart,
+    which is then strong.
+    """
 
     at: float
     text: str
@@ -57,7 +62,10 @@ class Tick(NamedTuple):
 
 @dataclass(frozen=True)
 class Axis:
-    """Describes an axis, which is linear in its values; a logarithmic axis has decimal logarithms as values."""
+    """Describes an axis, which is linear in its values; on a logarithmic axis, values are decimal logarithms.
+
+    low, high: the values at both ends.
+    """
 
     title: str
     low: float
@@ -65,7 +73,7 @@ class Axis:
     ticks: Sequence[Tick]
 
     def share(self, value: float) -> float:
-        """Return how far along the axis a value is, from 0 to 1."""
+        """Return the place of a value along the axis, from 0 at its low end to 1 at its high end."""
         return (value - self.low) / (self.high - self.low)
 
 
@@ -73,9 +81,9 @@ class Axis:
 class Curve:
     """Describes a curve of a chart, with its name in the legend.
 
-    points: their values on both axes; None where the curve breaks. color: a key of PALETTE. marker: a key of MARKERS,
-    or empty. dash: as in SVG, `none` for a whole line, empty for points without a line. width: the width of the line,
-    in pixels. bars: straight lines, each from a point to another.
+    points: None where the curve breaks. color: a key of PALETTE. marker: a key of MARKERS, or empty for no markers.
+    dash: the dashes as in SVG, `none` for a whole line, empty for points without a line. width: the width of the line,
+    in pixels. bars: straight lines, each from a point to another point.
     """
 
     name: str
@@ -111,17 +119,17 @@ class Chart:
         return _LEFT, width - _RIGHT, _TOP, height - _BOTTOM - _CROSSES * bool(self.marks)
 
     def across(self, x: float) -> float:
-        """Return the pixel of a value of the x axis."""
+        """Return the distance of a value of the x axis from the chart's left edge, in pixels."""
         left, right, _, _ = self.box
         return left + self.x.share(x) * (right - left)
 
     def down(self, y: float) -> float:
-        """Return the pixel of a value of the y axis."""
+        """Return the distance of a value of the y axis from the chart's upper edge, in pixels."""
         _, _, top, bottom = self.box
         return bottom - self.y.share(y) * (bottom - top)
 
     def line_path(self, curve: Curve) -> str:
-        """Return the path of a curve's line."""
+        """Return a curve's line as an SVG path."""
         parts = []
         is_first = True
         for point in curve.points:
@@ -131,16 +139,19 @@ class Chart:
         return "".join(parts)
 
     def marker_path(self, curve: Curve) -> str:
-        """Return the path of the markers of a curve's points."""
+        """Return the markers of a curve's points as an SVG path."""
         marker, _ = MARKERS[curve.marker]
         return "".join(f"M{self._place(point)}{marker}" for point in curve.points if point is not None)
 
     def bar_path(self, curve: Curve) -> str:
-        """Return the path of a curve's bars."""
+        """Return a curve's bars as an SVG path."""
         return "".join(f"M{self._place(start)}L{self._place(end)}" for start, end in curve.bars)
 
     def shown_labels(self) -> list[tuple[float, float, str]]:
-        """Return right end, base line and text of each label, above and left of its point, that covers no other."""
+        """Return right end and base line, in pixels, and text of each label that covers no earlier label.
+
+        A label is above and left of its point.
+        """
         shown: list[tuple[float, float, str]] = []
         for (x, y), text in self.labels:
             right, base = self.across(x) - _LABEL_GAP_PX, self.down(y) - _LABEL_GAP_PX

@@ -25,8 +25,8 @@ from renderer.system import join_lines
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-# The colours of CSS variables, on a light and on a dark ground. The series have the eight colours of M. Okabe and
-# K. Ito, "Color Universal Design" (2008), darker on white where they would be faint, and lighter on black.
+# The colours of CSS variables, on a light and on a dark ground. The series are the eight colours of M. Okabe and K.
+# Ito, "Color Universal Design" (2008), darker on white where they would be faint, and lighter on black.
 PALETTE = {
     "ink": ("#1c1e21", "#e6e6e3"),
     "muted": ("#5c6066", "#a3a6aa"),
@@ -44,12 +44,12 @@ PALETTE = {
     "series-8": ("#6b6f76", "#b4b7bb"),
 }
 
-# The mark of a page that hsplat has made; it is in the page's style, near its beginning.
+# The bytes by which a page of hsplat is recognised; they are in the page's style, near its beginning.
 _MARK = b"/* by hsplat"
-# Bytes at the beginning of a page in which the mark is looked for.
+# Number of bytes at the beginning of a page in which `require_own_page` looks for _MARK.
 _MAX_HEAD_BYTES = 2**16
 
-# Quality of WebP pictures, of 100.
+# Quality of WebP pictures in pages, on a scale to 100.
 _WEBP_QUALITY = 80
 
 
@@ -66,7 +66,7 @@ def require_own_page(page: Path) -> None:
 
 
 def render_page(template: str, *, title: str, **values: object) -> str:
-    """Render a template of this package to a printable page; every value except for Markup is escaped.
+    """Return the page that a template of this package gives; every value except for Markup is escaped.
 
     values: the template's variables; a missing one raises jinja2.UndefinedError.
     """
@@ -75,7 +75,7 @@ def render_page(template: str, *, title: str, **values: object) -> str:
 
 
 def page_environment() -> Environment:
-    """Return the environment of the templates, with filters for pictures (`data_uri`, `webp_uri`) and `sort_key`."""
+    """Return the environment of the templates, with filters `data_uri`, `webp_uri` (pictures) and `sort_key`."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -92,7 +92,7 @@ def page_environment() -> Environment:
 
 
 def png_data_uri(pixels: npt.NDArray[np.uint8]) -> str:
-    """Return `data:image/png;base64,...` of uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
+    """Return `data:image/png;base64,...` of pixels, uint8 [h, w, 3] or, with straight alpha, [h, w, 4]."""
     return f"data:image/png;base64,{base64.b64encode(encode_png(pixels)).decode('ascii')}"
 
 
@@ -104,12 +104,12 @@ def webp_data_uri(pixels: npt.NDArray[np.uint8]) -> str:
 
 
 def sort_key(value: float | None) -> str:
-    """Return a number as JavaScript spells it, and an empty text for None and NaN, which sort last."""
+    """Return the text by which a table of a page sorts a number: its JavaScript form; empty for None and NaN."""
     return "" if value is None or math.isnan(value) else repr(float(value)).replace("inf", "Infinity")
 
 
 def format_facts(mapping: Mapping[str, object]) -> list[tuple[str, str]]:
-    """Return the name and the text of each entry, for the list at the head of a page."""
+    """Return the name and the text of each entry of a mapping, for the list of facts at the head of a page."""
     return [(name.replace("_", " "), _format_fact(value)) for name, value in mapping.items()]
 
 

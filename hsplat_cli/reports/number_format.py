@@ -32,7 +32,7 @@ def ms_text(seconds: float) -> str:
 
 
 def metric_text(metric: Metric, value: float) -> str:
-    """Format a metric: `36.24` in dB, without the unit, `12.3 %` for a share, else `0.0153`."""
+    """Format a metric's value: `36.24` for decibels, without the unit; `12.3 %` for a share; else `0.0153`."""
     if math.isnan(value):
         return ABSENT
     if math.isinf(value):

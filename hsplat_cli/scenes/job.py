@@ -1,4 +1,4 @@
-"""Loads the job of a command: a scene, and the frames of it that are drawn."""
+"""Loads the job of a command: a scene, and the frames of the scene that are drawn."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from renderer.scene import (
 if TYPE_CHECKING:
     from renderer.record import FilmRecord, FinishedFilm
 
-# The option that gives the new path of a volume's file that is not found, by the key of the file.
+# The option that names a volume's file if the file was moved, by the key of the file in the scene.
 _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
-# Keys of paths of files; a change of a path alone changes no pixel of a film.
+# Keys of paths of files in a scene; a change of a path alone changes no pixel of a film.
 _PLACE_KEYS = ("output.file", *_VOLUME_OPTIONS)
 
-# How much of the volumes is read: everything that the scene leaves open, such as channels; the labels that it names; or
-# nothing.
+# What is read of the volumes when a job is loaded: `all` for everything that the scene leaves open, such as channels;
+# `labels` for the labels that the scene names; or `nothing`.
 Reads = Literal["all", "labels", "nothing"]
-# The files that appear under the name of the output: the film at once, coarser passes first, or none.
+# What a command writes under the name of the output: the `film` at once; `passes`, coarser films first; or `nothing`.
 Draws = Literal["film", "passes", "nothing"]
 
 
@@ -46,8 +46,9 @@ Draws = Literal["film", "passes", "nothing"]
 class SceneRequest:
     """Holds the scene that a command line names: the file of a scene or a sidecar, and the changes by options.
 
-    overrides: the values of `--set`. frames: a Python slice, as text. content: the content of the file, if it is known;
-    the file need not exist then.
+    path: the file of the scene or sidecar. overrides: the values of `--set`. volume, output: the values of these
+    options. frames: the value of `--frames`, a Python slice. content: the content of the file, if it is known; the file
+    need not exist then.
     """
 
     path: Path
@@ -62,7 +63,7 @@ def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all")
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.
 
     The job of a sidecar makes the recorded film again, or another film in another place. Raises InputError, and
-    SceneError as `load_scene`.
+    SceneError with all mistakes in the scene.
     """
     content = read_content(request.path) if request.content is None else request.content
     if may_be_json(content):
@@ -85,9 +86,9 @@ def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all")
 
 
 def _resolved(scene: FilmScene, editor: TreeEditor) -> FilmScene:
-    """Return the scene with all values that depend on voxels, found by `resolve_scene`, which reads the volumes.
+    """Read the volumes, if values of the scene depend on voxels; return the scene with these values.
 
-    editor: the editor that parsed the scene; it knows the lines of problems.
+    editor: the editor that parsed the scene, which finds the lines of problems.
     """
     if not any(layer.depends_on_voxels for layer in scene.at(0).layers):
         return scene
@@ -101,7 +102,7 @@ def _resolved(scene: FilmScene, editor: TreeEditor) -> FilmScene:
 
 
 def _require_labels(scene: FilmScene, editor: TreeEditor) -> None:
-    """Read the volumes of labels; raise SceneError for labels that the scene names and that no voxel has."""
+    """Read the volumes of labels; raise SceneError for labels that the scene names, but that no voxel has."""
     from renderer.readers import read_volume
     from renderer.resolve import label_problems
 
@@ -111,8 +112,8 @@ def _require_labels(scene: FilmScene, editor: TreeEditor) -> None:
 def load_film(film: Path, volume: Path | None) -> FilmJob:
     """Load the job that made a film.
 
-    film: its file, the template of its numbered frames, or its sidecar. volume: the new place of its volume, if it was
-    moved. Raises InputError where there is no sidecar, and SceneError.
+    film: the file of the film, the template of its numbered frames, or its sidecar. volume: the new path of the film's
+    volume, if the volume was moved. Raises InputError where there is no sidecar, and SceneError.
     """
     from renderer.record import FinishedFilm
 
@@ -121,7 +122,9 @@ def load_film(film: Path, volume: Path | None) -> FilmJob:
 
 
 def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
-    """Return the sidecar of a film and the record in it. The parameter and the errors are as in `load_film`."""
+    """Return the sidecar of a film and the record in it. Raises InputError where there is none.
+
+    film: the file of the film, the template of its numbered frames, or its sidecar."""
     from renderer.record import parse_film_record
 
     is_sidecar = output_suffix(film) == ".json"
@@ -136,7 +139,7 @@ def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
 
 
 def _load_original(original: FinishedFilm, request: SceneRequest, draws: Draws) -> FilmJob:
-    """Load the job that makes a film again; parameters as in `load_job`."""
+    """Load the job that makes a recorded film again, with the changes of the command line's options."""
     from renderer.record import late_frame_problems
 
     path, record, frames = original.path, original.record, request.frames
@@ -165,13 +168,13 @@ def _load_original(original: FinishedFilm, request: SceneRequest, draws: Draws) 
 
 
 def _has_whole_schedule(record: FilmRecord, editor: TreeEditor) -> bool:
-    """Return whether the scene has the accuracy of all frames of the path, not only of the drawn ones."""
+    """Return whether the scene's schedule applies to any frame of the path, not only to the recorded frames."""
     is_new = any(key == "error" or key.startswith("error.") for key in editor.overridden_paths)
     return is_new or record.schedule.requested.goal is None
 
 
 def _editor(record: FilmRecord, path: Path) -> TreeEditor:
-    """Return an editor of the recorded scene, whose output is the film beside the sidecar, even if both were moved."""
+    """Return an editor of the recorded scene, with the film beside the sidecar as output, even if both were moved."""
     scene, (first, *others) = {**record.scene}, outputs_of(record.scene)
     if isinstance(first.get("file"), str):
         first = {**first, "file": str(film_path_of_sidecar(path, Path(first["file"])))}

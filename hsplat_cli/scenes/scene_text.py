@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from renderer.suggest import FilmOptions, Suggestion, VolumeSuggestion
     from renderer.volume import Volume
 
-# A file, or a list of the files of steps in time.
+# The type of the path of a volume: a file, or a list of the files of steps in time.
 FileOrFiles = TypeVar("FileOrFiles", str, list[str])
 
-# Column of a comment behind a value, unless the line is longer.
+# Column at which a comment behind a value begins, unless the line is longer.
 _COMMENT_COLUMN = 30
 
 SCENE_HINT = "Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys."
@@ -57,10 +57,10 @@ _CHANNELS_COMMENT = (
     "# Each channel of the file, in its colour: dark at the first value of its range, brightest at the second."
 )
 
-# The kind of a volume whose film shows nothing but its box.
+# The kind of a volume whose voxels all have one value: its film shows nothing but its box.
 _CONSTANT = "constant volume"
 
-# Keys of a light that are written even if they have their defaults.
+# Keys of the section `shading` that are written even if they have their defaults.
 _ALWAYS_SHOWN = ("ambient", "diffuse", "light")
 
 # The option of the command line that gives a value of the scene, by the value's key.
@@ -78,7 +78,7 @@ _OPTIONS = {
 def suggest_scene(
     volume: VolumeSpec, film: FilmOptions, reporter: Reporter, *, scene: Path, output: Path
 ) -> tuple[str, VolumeSuggestion]:
-    """Return a scene for the file `scene`, as YAML, with the suggestion behind it; report the kind of the volume.
+    """Return a suggested scene for the file `scene`, as YAML, and the suggestion; report the kind of the volume.
 
     Raises InputError for a volume that cannot be read or drawn, and SceneError for an option, such as the background,
     that cannot be in a scene.
@@ -110,9 +110,9 @@ def suggest_scene(
 
 
 def _check(text: str, scene: Path) -> None:
-    """Raise SceneError for values that no scene may have, such as odd sizes of an MP4, with the options they came from.
+    """Raise SceneError for values that no scene may have, such as odd sizes of an MP4.
 
-    The scene is not written yet, so the error cannot show lines of it.
+    The error names the options that gave the values, and not lines of the scene, which is not written yet.
     """
     try:
         parse_scene_content(text.encode(), scene)
@@ -128,7 +128,7 @@ def _at_option(problem: Problem) -> Problem:
 def compose_scene(
     found: VolumeSuggestion, film: FilmOptions, *, folder: Path, output: Path, under: VolumeSuggestion | None = None
 ) -> str:
-    """Return the YAML of a turntable.
+    """Return the scene of a turntable as YAML.
 
     found: the suggestion; the path of its volume is relative to the current folder. folder: the folder of the scene's
     file; the scene names its volume relative to it. output: the path of the film, relative to the current folder.
@@ -191,7 +191,7 @@ def look_lines(suggestion: Suggestion) -> Iterator[str]:
 
 
 def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Path) -> Iterator[str]:
-    """Yield the lines of the section `volumes`."""
+    """Yield the lines of the section `volumes` for one volume over another."""
     yield from (_TRANSFER_COMMENT, "volumes:")
     names = name_volumes([volume_file(upper.volume), volume_file(lower.volume)])
     for number, (found, name) in enumerate(zip((upper, lower), names, strict=True)):
@@ -224,7 +224,7 @@ def _channel_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
 
 
 def place_in(folder: Path, file: FileOrFiles) -> FileOrFiles:
-    """Return a file, or a list of files, as a scene in a folder names it: relative, unless it is absolute."""
+    """Return a file, or a list of files, as a scene in `folder` names it: relative to `folder`, unless absolute."""
     if isinstance(file, list):
         return [place_in(folder, each) for each in file]
     return file if os.path.isabs(file) else relative_path(file, folder)
@@ -254,7 +254,7 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
 
 
 def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterator[str]:
-    """Yield the lines of the section `transfer_function`, one with a note for each point, or of `labels`."""
+    """Yield the lines of the section `transfer_function`, or `labels`. notes: a comment for each control point."""
     mapping = transfer.mapping
     yield "labels:" if isinstance(mapping, LabelsSpec) else "transfer_function:"
     if transfer.unit is not None:
@@ -278,7 +278,7 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
 
 
 def _label_lines(labels: LabelsSpec) -> Iterator[str]:
-    """Yield the lines of the section `labels`, with a line for each label that has a colour."""
+    """Yield the lines of the section `labels` below its first line: numbers, opacities, colours and names."""
     styles = labels.styles
     flow = ", ".join(str(style.value) for style in styles)
     yield from wrap(f"[{flow}]", 100, initial_indent="  show: ", subsequent_indent="         ")
@@ -306,7 +306,7 @@ def _light_lines(suggestion: Suggestion) -> Iterator[str]:
 
 
 def _shading_text(shading: ShadingSpec) -> str:
-    """Return the light's keys of _ALWAYS_SHOWN, and its other keys whose values differ from their defaults."""
+    """Return the section `shading` as text: the keys of _ALWAYS_SHOWN, and keys whose values are not the defaults."""
     defaults, given = spec_to_dict(ShadingSpec()), spec_to_dict(shading)
     shown = {key: value for key, value in given.items() if key in _ALWAYS_SHOWN or value != defaults.get(key)}
     return ", ".join(f"{key}: {format_value(value)}" for key, value in shown.items())

@@ -1,4 +1,4 @@
-"""Gives volumes the look of a scene: all of its sections except for its volume, its framing and its output names."""
+"""Gives volumes the look of a scene: all of the scene except for its volume, framing and names of outputs."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from renderer.system import printable
 if TYPE_CHECKING:
     from renderer.statistics import ValueLine
 
-# Keys of a volume that name its voxels.
+# Keys of a scene's volume that say where its voxels are, and their size.
 _SOURCE_KEYS = ("file", "raw", "procedural", "spacing")
 
 
@@ -52,8 +52,8 @@ _SOURCE_KEYS = ("file", "raw", "procedural", "spacing")
 class SharedLook:
     """Holds a scene whose look is given to other volumes.
 
-    content: the content of its file. reference: the volume that the scene's values belong to, if values of the other
-    volumes are matched with it.
+    path, content: the scene's file and its content. reference: a volume that the scene's values belong to, if the
+    values are shifted and scaled to each other volume by comparing histograms; else None.
     """
 
     path: Path
@@ -74,7 +74,7 @@ class SharedLook:
 
     @cached_property
     def scene(self) -> FilmScene:
-        """Return the scene, with its own file, which exists, as a stand-in for its volume."""
+        """Return the scene. The path of its volume is replaced by the path of the scene's file, which exists."""
         return self._editor.parse()
 
     @property
@@ -115,7 +115,10 @@ class SharedLook:
             yield Problem(key, "cannot be matched with other volumes", "", expected, "leave out --match")
 
     def outputs(self, folder: Path, name: str) -> OutputSpec:
-        """Return the outputs of the film NAME: NAME.mp4, and NAME_OTHER.png for an output OTHER.png of the scene."""
+        """Return the outputs of the film `name` in a folder.
+
+        The film NAME gets NAME.mp4, and NAME_OTHER.png for a further output OTHER.png of the scene.
+        """
         first, *others = self.scene.output.files
         file = folder / f"{name}{'/{frame:04}' * first.is_numbered}{output_suffix(first.file)}"
         moved = [replace(each, file=folder / f"{name}_{_own_name(each)}") for each in others]
@@ -123,14 +126,14 @@ class SharedLook:
 
     @contextmanager
     def located(self) -> Iterator[None]:
-        """Locate problems with the scene of a volume, raised in this context, in the lines of this scene."""
+        """Make SceneErrors raised in this context, about the scene of a volume, name lines of the look's scene."""
         try:
             yield
         except SceneError as error:
             raise SceneError(self._editor.located_problems(error.problems)) from None
 
     def scene_text(self, volume: VolumeSpec, scene: Path, reporter: Reporter) -> tuple[str, list[str]]:
-        """Return the scene of a volume as YAML for the file `scene`, and notes on it, which are printed.
+        """Return the scene of a volume as YAML for the file `scene`, and notes on the scene; print the notes.
 
         Raises InputError where a volume cannot be matched.
         """
@@ -156,7 +159,10 @@ class SharedLook:
         return "\n".join([*(f"# {line}" for line in about), dump_yaml(tree)]), notes
 
     def _match(self, volume: VolumeSpec, reporter: Reporter) -> ValueLine:
-        """Return the linear map from values of the reference to values of a volume, each at its first step in time."""
+        """Return the linear map from values of the reference to values of a volume.
+
+        Of a volume with steps in time, the first step is matched.
+        """
         from renderer.statistics import match_values
 
         assert self.reference is not None
@@ -167,7 +173,7 @@ class SharedLook:
 
 
 def _own_entries(tree: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the sections on a scene's volume; in a list of volumes the first and all others of the same file."""
+    """Return the sections on a scene's volume; in a list of volumes, the first and each other one with its file."""
     volumes = tree.get("volumes")
     if not isinstance(volumes, list):
         section = tree.get("volume")
@@ -178,25 +184,28 @@ def _own_entries(tree: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _own_name(output: OutputFile) -> str:
-    """Return the name of an output's file, after the name of its folder for frames that are only numbered."""
+    """Return the name of an output's file; for frames named by numbers alone, with the name of their folder."""
     stem = FRAME_FIELD.sub("", output.file.stem)
     return output.file.name if stem else f"{output.file.parent.name}/{output.file.name}"
 
 
 def _given(volume: VolumeSpec) -> dict[str, Any]:
-    """Return the keys and values of a volume that differ from the defaults, without its source."""
+    """Return the keys of a volume whose values differ from the defaults, with their values, without its source."""
     plain = VolumeSpec(volume.source)
     return {key: value for key, value in vars(volume).items() if value != getattr(plain, key)}
 
 
 def _place_from(folder: Path, base: Path, key: str, name: str) -> str:
-    """Return the name that a file of a scene in `base` has in a scene in `folder`; a name of no file is unchanged."""
+    """Return how a scene in `folder` names a file that a scene in `base` calls `name`.
+
+    A name that belongs to no file, such as a preset's, is unchanged. key: the key of the name in the scene.
+    """
     file, is_preset = base / name, key == "import" and not Path(name).suffix
     return place_in(folder, str(file)) if not is_preset and (file.exists() or is_pattern(file)) else name
 
 
 def _map_layer(section: dict[str, Any], layer: OverFrames[LayerSpec], line: ValueLine) -> None:
-    """Map the values of a layer's section in a scene: its transfer function, or the range of its colour."""
+    """Map the values in a layer's section of a scene, of a transfer function or a colour's range, by a line."""
     if layer.at(0).color is None:
         mapped = layer.map(lambda each: map_values(each.transfer_function, line))
         section["transfer_function"] = spec_to_dict(mapped)

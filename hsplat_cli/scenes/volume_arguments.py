@@ -32,28 +32,37 @@ if TYPE_CHECKING:
     from renderer.volume import Volume
 
 
-# A key of a scene's `volume` in the text of a message: `time: k` or `component`.
+# Matches a key of a scene's `volume` in the text of a message: `time: k` or `component`.
 _KEY = re.compile(r"`(time|component|dataset|nodata|spacing)(?::( [^`]*))?`")
-# A key of a scene's `volume` with its value, as a message quotes it: `time: 7`.
+# Matches a key of a scene's `volume` with its value, as a message quotes them: `time: 7`.
 _GOT = re.compile(r"^(time|component|dataset): (.+)$")
 _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
 
 
 def split_numbers(text: str) -> list[str]:
-    """Split `128,96,114` or `128x96x114`."""
+    """Return the parts of a text such as `128,96,114` or `128x96x114`."""
     return re.split("[,xX]", text)
 
 
 class _ListText(TypedDict):
-    """Holds the parameters `split` and `example` of `_keyed` for an option that is a list."""
+    """Holds two parameters of `_keyed`, `split` and `example`, for an option whose text is a list."""
 
     split: Callable[[str], list[str]]
     example: str
 
 
+# Parameters of `_keyed` for an option that is a list of lengths.
 _LENGTHS: _ListText = {"split": split_numbers, "example": "0.1,0.1,0.5"}
+# Parameters of `_keyed` for an option that is a list of whole numbers.
 _NUMBERS: _ListText = {"split": split_numbers, "example": "128,96,114"}
-_RAW, _VOLUME, _PATH, _OUTPUT = map(schema.field_table, (RawSource, VolumeSpec, TurntablePath, OutputSpec))
+# The field types of the keys of a scene's `volume.raw`, by key.
+_RAW = schema.field_table(RawSource)
+# The field types of the keys of a scene's `volume`, by key.
+_VOLUME = schema.field_table(VolumeSpec)
+# The field types of the keys of a scene's `camera.path` of type turntable, by key.
+_PATH = schema.field_table(TurntablePath)
+# The field types of the keys of a scene's `output`, by key.
+_OUTPUT = schema.field_table(OutputSpec)
 
 
 def _keyed(
@@ -69,9 +78,9 @@ def _keyed(
 ) -> Callable[[Command], Command]:
     """Declare an option whose text is read as the value of a key of a scene.
 
-    field: the type of the key. split: a function that makes a list of the text, if the field is a list.
-    example: a correct text, for a hint.
-    keeps_text: give the command the text itself, once it is known to be correct. default: shown in the help.
+    name: the name of the option. field: the field type of the key. split: a function that splits the text into a list,
+    if the value is a list. example: a correct text, for a hint. keeps_text: the command gets the text itself, once it
+    is known to be correct, and not the value. default: the default, as text or number, which the help shows.
     """
 
     def read(_context: click.Context, _parameter: click.Parameter, text: str | None) -> object:
@@ -95,7 +104,10 @@ def _keyed(
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """A choice of the options on reading a volume: keys of `volume` in a scene, and of `raw` for a headerless file."""
+    """The values of the options on reading a volume.
+
+    They are keys of a scene's section `volume`, and of its section `raw` for a file without a header.
+    """
 
     time: int | None = None
     component: int | Literal["all", "color", "color_alpha"] | None = None
@@ -146,11 +158,12 @@ _DEFAULT = FilmOptions()
 
 
 def _split_size(text: str) -> list[str]:
-    """Split `640x480`, or return `512` twice."""
+    """Return the width and the height in a text such as `640x480`, or `512` for both."""
     parts = split_numbers(text)
     return parts * 2 if len(parts) == 1 else parts
 
 
+# Parameters of `_keyed` for an option that is a size in pixels.
 _SIZES: _ListText = {"split": _split_size, "example": "640x480"}
 _RATE = _OUTPUT["frames_per_second"]
 _AXIS_HELP = "Turn around this axis, which is upright in the picture."
@@ -188,8 +201,8 @@ film_options = packed_options(
 def volume_spec(volume: Path, options: ReadingOptions, problems: list[InputError] | None = None) -> VolumeSpec:
     """Return the volume that the options describe.
 
-    problems: a list that gets the error about a damaged file that lists steps in time; without a list, the error is
-    raised. Raises InputError where only one of --shape and --dtype is given, or another option needs them.
+    problems: a list. If the file lists steps in time and is damaged, the error is added to `problems`, or raised if
+    `problems` is None. Raises InputError where only one of --shape and --dtype is given, or an option needs both.
     """
     shape, dtype, spacing = options.shape, options.dtype, options.spacing
     time, component = options.time, options.component
@@ -227,8 +240,8 @@ def volume_spec(volume: Path, options: ReadingOptions, problems: list[InputError
 def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool = False) -> Volume:
     """Read a volume that options describe, and report the reader's note.
 
-    in_time: the film shows all steps in time, so a note on the step that was read is left out. Raises InputError, with
-    hints that name options and not the keys of a scene.
+    in_time: whether the film shows all steps in time; then a note on the step that was read is left out. Raises
+    InputError, with hints that name options and not keys of a scene.
     """
     from renderer.readers import read_volume
 
@@ -239,14 +252,14 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool =
         if isinstance(error, UnknownFormatError):
             error.hint = _headerless_hint(error)
         raise
-    is_open = in_time and volume.time is None and read.num_times > 1  # its steps are read next
+    is_open = in_time and volume.time is None and read.num_times > 1  # all steps of the volume are read next
     if read.note is not None and not is_open:
         reporter.status(f"{read.name}: {_as_options(read.note)}")
     return read
 
 
 def _headerless_hint(error: UnknownFormatError) -> str:
-    """Return a hint with the options that read a headerless file, and their values if its name and size tell them."""
+    """Return a hint with the options that read a headerless file, with their values if its name and size show them."""
     found = error.declaration
     if found is None:
         return _HEADERLESS_HINT

@@ -14,7 +14,7 @@ from renderer.job import expand_pattern, header_data_files
 from renderer.readers import series_of_slice, volumes_in
 from renderer.scene import join_some
 
-# Endings of volumes that names of films leave out; of scan.v2.nii.gz only the last, .nii.gz.
+# Matches the ending of a volume's name that the name of its film leaves out: of scan.v2.nii.gz only .nii.gz.
 _ENDINGS = re.compile(
     r"\.(nii|img|hdr|nrrd|nhdr|m(h[ad]|g[hz]|rcs?|ap|at)|ccp4|rec|raw|tiff?|np[yz]|cube?|dcm|vt[kir]|pvd|pvti|h(df)?5|nc4?|ims)"
     r"(\.gz|\.bz2)?$",
@@ -23,7 +23,7 @@ _ENDINGS = re.compile(
 
 
 def base_name(volume: Path) -> str:
-    """Return the name of a volume's film: its name without its ending, safe as a file name."""
+    """Return the name of a volume's film: the volume's name without its ending, safe as a file name."""
     return _safe(_ENDINGS.sub("", _own_name(volume)))
 
 
@@ -33,7 +33,7 @@ def _own_name(volume: Path) -> str:
 
 
 def _safe(name: str) -> str:
-    """Return a name without control characters, and without the syntax of templates and command lines."""
+    """Return a name with `_` in place of control characters and of the syntax of templates, paths and options."""
     text = "".join("_" if char in "{}/\\" or not char.isprintable() else char for char in name)
     text = re.sub(r"^[-.]+", "_", text).strip()
     return text or "volume"
@@ -42,12 +42,12 @@ def _safe(name: str) -> str:
 def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
     """Return the volumes, each once, in the order given, and notes about volumes that are left out.
 
-    Expands patterns that the shell did not, sorted, and folders of several volumes, to any depth. Leaves out data files
-    whose headers are among the volumes, and replaces single slices of a DICOM series by their folder. An argument that
-    cannot be read, such as a pattern that matches nothing, stays, and is an error when its turn comes.
+    Expands patterns that the shell has left, in sorted order, and folders of several volumes, to any depth. Leaves out
+    data files whose headers are among the volumes, and replaces single slices of a DICOM series by their folder. An
+    argument that cannot be read, such as a pattern that matches nothing, stays, and is an error when its film is made.
     """
     found: dict[Path, Path] = {}
-    others: dict[Path, list[Path]] = {}  # other files, by folder
+    others: dict[Path, list[Path]] = {}  # files of a folder of volumes that belong to no volume, by folder
     for text in arguments:
         try:
             paths = expand_pattern(text)
@@ -71,7 +71,7 @@ def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
 
 
 def _real(path: Path) -> Path:
-    """Return a path without links; a link that leads to itself, which `resolve` refuses, stays in it."""
+    """Return the path with links replaced by their targets; a link that leads to itself is no error, and stays."""
     return Path(os.path.realpath(path))
 
 
@@ -102,7 +102,7 @@ def _join_slices(found: dict[Path, Path]) -> tuple[dict[Path, Path], list[str]]:
 def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:
     """Return the volumes by the names of their films; the names are unique, also on systems that ignore case.
 
-    A name is `scan`. Where several volumes would have it, it gets the folder, `a_scan`, or else the ending,
+    A name is `scan`. Where several volumes would have this name, each gets its folder, `a_scan`, or else its ending,
     `scan.nrrd`, or both, or two folders, or a number.
     """
     alike: dict[str, list[Path]] = {}
@@ -121,7 +121,7 @@ def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:
 
 
 def _distinguishing_form(group: Sequence[Path]) -> Callable[[Path], str]:
-    """Return the first form of names that gives each of these volumes another name."""
+    """Return the first function from a volume to a name that gives each of these volumes a name of its own."""
     forms: list[Callable[[Path], str]] = [
         base_name,
         lambda volume: _safe(f"{volume.absolute().parent.name}_{base_name(volume)}"),

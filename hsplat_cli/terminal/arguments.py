@@ -15,14 +15,14 @@ import click
 from renderer.errors import InputError
 from renderer.scene import TILDE_HINT, format_value, has_unexpanded_tilde
 
-# A command while it is declared: a function, or the click command made of it.
+# The type of a command while it is declared: a function, or the click command that was made of the function.
 Command = TypeVar("Command", bound="Callable[..., object] | click.Command")
 _Function = Callable[..., None]
 _NUMBER = r"(\d+(?:\.\d*)?)"
 _FRACTION_ONLY_IN_LAST_PART = r"(?!.*\..*[hms].)"
 _PARTS = f"(?=.)(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?"
 _DURATION = re.compile(f"{_FRACTION_ONLY_IN_LAST_PART}{_PARTS}|{_NUMBER}", re.ASCII)
-# The most characters of a duration for each of its three parts: hours, minutes and seconds.
+# The largest number of characters of a duration for each of its three parts: hours, minutes and seconds.
 _MOST_DIGITS = 9
 _BYTES = re.compile(r"(\d{1,15}(?:\.\d{1,9})?) ?([KMGT]?)(i?)B?", re.ASCII | re.IGNORECASE)
 
@@ -43,7 +43,7 @@ def packed_options(
 ) -> Callable[[_Function], _Function]:
     """Return a decorator that declares click options, and hands their values to the command as one object.
 
-    name: the command's parameter for the object. cls: its class, whose parameters have the names of the options.
+    name: the command's parameter for the object. cls: the object's class, whose parameters have the options' names.
     """
     names = inspect.signature(cls).parameters
 
@@ -121,9 +121,10 @@ def is_one_frame(text: str | None) -> bool:
 
 
 def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | None = None) -> Sequence[int]:
-    """Return the frames that a Python slice `a:b:step` or a number picks from range(num_frames); all for None.
+    """Return the frames that the value of --frames, a slice `a:b:step` or a number, picks from range(num_frames).
 
-    Negative numbers count from the end. recorded: the frames that a film has, ascending.
+    Negative numbers count from the end. None picks all frames. recorded: the frames that a film has, ascending; None if
+    there is no film.
 
     Raises InputError for text that is not a slice, has a step below 1, picks nothing, or picks a frame that is not
     recorded.
@@ -158,7 +159,7 @@ def _parts(text: str) -> list[int | None]:
 
 
 def _as_slice(frames: Sequence[int]) -> str:
-    """Return `0:118:3`, or a list where no slice gives these frames."""
+    """Return frames as a slice such as `0:118:3`, or as a list where no slice picks exactly these frames."""
     step = frames[1] - frames[0] if len(frames) > 1 else 1
     steady = range(frames[0], frames[-1] + 1, step)
     if list(steady) != list(frames):

@@ -33,11 +33,11 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
         self._bars.close()
 
     def started(self, label: str, num_frames: int) -> None:
-        """Show a bar for the frames."""
+        """Show a progress bar for the frames of a pass."""
         self._open_bar(num_frames, label)
 
     def frame_finished(self, record: FrameRecord) -> None:
-        """Advance the bar."""
+        """Advance the progress bar by one frame."""
         assert self._bar is not None, "a pass has started"
         self._bar.advance(counted(record.primitives, self._noun))
 
@@ -48,12 +48,12 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
         self._bar.say(f"about {forecast.seconds_text}, {size}, if all frames are like the first ones")
 
     def pass_finished(self, summary: str) -> None:
-        """Print the line about a pass."""
+        """Close the progress bar, and print the line about a pass."""
         self._bars.close()
         self._reporter.line(summary)
 
     def truth_progressed(self, frame: int, share: float) -> None:
-        """Show a bar for the exact picture of a frame, in percent; the bar never goes back."""
+        """Show the progress of a frame's exact picture as a bar, in percent; the bar never goes back."""
         if frame != self._truth or self._bar is None:
             self._open_bar([1.0] * _PERCENT, f"truth of frame {frame}", unit="percent")
             self._truth, self._percent = frame, 0
@@ -65,7 +65,7 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
             self._bars.close()
 
     def note(self, text: str) -> None:
-        """Print a line about the job."""
+        """Close the progress bar, and print a line about the job."""
         self._bars.close()
         self._reporter.status(text)
 
@@ -77,7 +77,7 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
 
 def report_film(result: JobResult, reporter: Reporter) -> None:
     """Print a film's files and their cost in a few lines; nothing for a film that was up to date."""
-    from renderer.record import visibility_text  # imports numpy
+    from renderer.record import visibility_text  # imported here, because it imports numpy
 
     record = result.film.record
     if result.summary:

@@ -37,7 +37,7 @@ def describe_machine(device: str) -> Machine:
 
 
 def _processor() -> str:
-    """Return the trade name of the processor if Linux tells it, else the name that Python knows."""
+    """Return the trade name of the processor from Linux's /proc/cpuinfo, or else the name that Python knows."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

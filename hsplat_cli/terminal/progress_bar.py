@@ -9,24 +9,25 @@ from typing import TextIO
 
 from renderer.system import printable
 
-# Outside of a terminal: share of the work after which another line is due.
+# Share of the work after which another line is printed, if the stream is no terminal.
 _LINE_EVERY_FRACTION = 0.1
-# Longest time between two lines: a long film does not look dead.
+# Longest time between two lines if the stream is no terminal, in seconds: a slow job shows that it is alive.
 _MAX_LINE_INTERVAL_S = 60.0
-# Shortest time between two lines: no film floods a log.
+# Shortest time between two lines if the stream is no terminal, in seconds: no film floods a log.
 _MIN_LINE_INTERVAL_S = 2.0
 
-# On a terminal: time between two updates of the line.
+# Shortest time between two updates of the line on a terminal, in seconds.
 _TERMINAL_INTERVAL_S = 0.1
-# Width of the bar, in characters.
+# Width of the progress bar on a terminal, in characters.
 _BAR_WIDTH = 20
 
 
 class Progress:
     """Counts finished steps and shows them in a stream, until it is closed.
 
-    stream: None shows nothing. clock: a function that returns seconds. steps, label and unit are as in
-    `Reporter.progress`.
+    steps: the number of steps of equal cost, whose rate is shown, too; or the predicted work of each step, in any unit.
+    label: the text before the progress. stream: None shows nothing. clock: a function that returns seconds. unit: the
+    plural noun of a step.
     """
 
     def __init__(
@@ -49,7 +50,7 @@ class Progress:
             self._show(self._start, "")
 
     def advance(self, note: str = "") -> None:
-        """Count a finished step, and show the progress if it is due. note: a few words about the step."""
+        """Count a finished step, and show the progress if the last line is old. note: a few words about the step."""
         self._finished_work += self._work[self._num_finished]
         self._num_finished += 1
         now = self._clock()
@@ -82,7 +83,7 @@ class Progress:
         yield f"{self._num_finished}/{len(self._work)} {self._unit}"
         if self._has_rate and self._num_finished:
             yield f"{self._num_finished / max(now - self._start, 1e-9):.2f} {self._unit}/s"
-        # The first step includes the start of the work: once there are later steps, only these give the rate.
+        # The first step includes the start of the work: the rate is the rate of later steps, once there are some.
         since, before = self._first if self._finished_work > self._first[1] else (self._start, 0.0)
         if self._num_finished < len(self._work) and self._finished_work > before:
             remaining = (now - since) * (self._total_work - self._finished_work) / (self._finished_work - before)
@@ -103,7 +104,7 @@ class Progress:
 
 
 def format_duration(seconds: float) -> str:
-    """Return `0:07`, `12:34` or `1:02:03`."""
+    """Return seconds as minutes and seconds, with hours if there are any: `0:07`, `12:34` or `1:02:03`."""
     minutes, whole_seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{whole_seconds:02}" if hours else f"{minutes}:{whole_seconds:02}"

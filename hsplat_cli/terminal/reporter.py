@@ -19,9 +19,9 @@ from renderer.system import PrintableText, join_lines, printable
 
 @dataclass(frozen=True)
 class Reporter:
-    """Prints the output of a command. The command makes one from its option `--quiet` and hands it down.
+    """Prints the output of a command. A command makes a Reporter from its option `--quiet` and hands it down.
 
-    is_quiet: print only results and warnings.
+    is_quiet: whether only results and warnings are printed.
     """
 
     is_quiet: bool = False
@@ -44,7 +44,7 @@ class Reporter:
             self.result(text)
 
     def note(self, text: str) -> None:
-        """Print a line that begins with `note:`."""
+        """Print a note, a line that begins with `note:`; nothing when quiet."""
         self.line(f"note: {text}")
 
     def status(self, text: str) -> None:

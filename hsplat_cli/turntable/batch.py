@@ -26,16 +26,17 @@ from renderer.record import field_types as types, file_states, round_seconds
 from renderer.scene import counted
 from renderer.system import ChildProcesses, describe_exit, join_lines
 
-# Time in which an interrupted process must remove its unfinished work and end. Then it is killed: a library that is
-# being loaded can lose an interrupt.
+# Seconds that an interrupted process has to remove its unfinished work and end. After them it is killed: a library that
+# is being loaded can lose an interrupt.
 _TERMINATE_TIMEOUT_S = 10.0
 
 
 def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder: Path, reporter: Reporter) -> None:
     """Make the films, and print a table, also after an interrupt.
 
-    arguments: of the command line, for all films. Each process adds its film to turntable.json. Raises InputError if
-    wrong inputs and locked outputs were the only reasons of failures, and RenderError if a film failed otherwise.
+    arguments: the options of the command line, for all films. folder: the folder of all films. Each process adds its
+    film to turntable.json. Raises InputError if wrong inputs and locked outputs were the only reasons of failures, and
+    RenderError if a film failed for another reason.
     """
     require_writable(folder / manifest.MANIFEST_FILE)
     films: list[FilmEntry] = []
@@ -75,21 +76,21 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
 
 
 def _is_up_to_date(film: FilmEntry, request: FilmRequest) -> bool:
-    """Return whether a film is up to date by the states of files alone, without a process that reads the voxels."""
+    """Return whether the states of files (sizes and times) show that a film is up to date, without reading voxels."""
     if request.force or film.made_by is None or film.status != manifest.FINISHED:
         return False
     return film.made_by == request.fingerprint(file_states(request.input_files())).digest
 
 
 def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: Reporter) -> FilmEntry:
-    """Make a film in another process; return its entry, or one of the failure."""
+    """Make a film in another process; return its entry in turntable.json, or an entry on its failure."""
     start = time.perf_counter()
     of_film = [f"--name={request.scene.stem}", "--", str(volume_file(request.volume))]
     with ChildProcesses() as child_processes:
         process = child_processes.start("hsplat_cli", ["turntable", *arguments, *of_film], stdout=subprocess.PIPE)
         try:
             output, _ = process.communicate()
-        except KeyboardInterrupt:  # the process has not received the signal
+        except KeyboardInterrupt:  # only this process has received the signal
             process.terminate()
             with suppress(subprocess.TimeoutExpired):
                 process.wait(_TERMINATE_TIMEOUT_S)

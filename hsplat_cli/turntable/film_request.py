@@ -1,4 +1,4 @@
-"""A film that was requested of one volume: its files, its entry in turntable.json, and its fingerprint."""
+"""Defines a request for a film of one volume: its files, its entry in turntable.json, and its fingerprint."""
 
 from __future__ import annotations
 
@@ -22,16 +22,18 @@ from renderer.scene import OutputSpec, VolumeSpec, file_source, relative_path
 from renderer.suggest import FilmOptions
 from renderer.system import sources_digest
 
-# The files of a folder that belong to no single film.
+# The names of files in a folder of films that belong to no single film.
 _FOLDER_FILES = (MANIFEST_FILE, LOCK_FILE, PAGE_FILE, CONTACT_FILE)
 
 
 @dataclass(frozen=True)
 class FilmRequest:
-    """A film to make. scene: the file for its scene. look: of another scene, unless one is suggested.
+    """A request for a film of one volume.
 
-    force: an edited scene may be overwritten, and finished frames are drawn again. command: makes this film alone.
-    problem: the reason for no film, where it is known before the volume is read.
+    film: the options by which a scene is suggested. scene: the path of the film's scene file. output: the path of the
+    film. look: the look of another scene; None to suggest one. force: an edited scene may be overwritten, and finished
+    frames are drawn again. command: the command line that makes this film alone. problem: an error that is known before
+    the volume is read, and that prevents the film.
     """
 
     volume: VolumeSpec
@@ -46,11 +48,11 @@ class FilmRequest:
 
     @property
     def outputs(self) -> OutputSpec:
-        """Return all outputs."""
+        """Return the outputs of the film: one file, or as many as the look's scene has."""
         return self.look.outputs(self.scene.parent, self.scene.stem) if self.look else OutputSpec(self.output)
 
     def entry(self, status: Status) -> FilmEntry:
-        """Return the entry of turntable.json, with nothing but the files and the status of the film."""
+        """Return the film's entry of turntable.json, with nothing but its files and its status."""
         folder = self.scene.parent
         volume = relative_path(volume_file(self.volume), folder)
         return FilmEntry(volume, self.scene.name, relative_path(self.output, folder), status)
@@ -73,7 +75,7 @@ class FilmRequest:
         """Yield all files that the film is made from."""
         for volume in filter(None, (self.volume, self.film.under)):
             yield from volume_files(volume)
-            if ".ome." in (file := volume_file(volume)).name:  # which may name others beside it
+            if ".ome." in (file := volume_file(volume)).name:  # an OME file may name other files beside it
                 yield from sorted(file.parent.glob("*.ome.*"))
         if self.film.preset is not None:
             yield Path(self.film.preset.partition("#")[0])
@@ -81,15 +83,15 @@ class FilmRequest:
 
     @property
     def film_files(self) -> WrittenFiles:
-        """Return the scene, the film, its sidecar and unfinished work."""
+        """Return the files that are written for the film: its scene, outputs, sidecar and unfinished work."""
         frames = range(self.look.scene.num_frames if self.look else self.film.frames)
         sidecar = sidecar_path_of_file(self.output, frames, len(frames))
         return WrittenFiles([self.scene]) + film_files(self.outputs, frames, sidecar)
 
     def fingerprint(self, inputs: FileStates) -> Fingerprint:
-        """Return the fingerprint of the finished film, which has the states of its files in place of their content.
+        """Return the fingerprint of the finished film, with the sizes and times of files in place of their content.
 
-        inputs: the states of its input files, from before they were read.
+        inputs: the states of the film's input files, taken before the files were read.
         """
         request = repr(replace(self, force=False, command=""))
         made = file_states(self.film_files.all_files())

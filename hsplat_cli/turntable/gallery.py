@@ -29,11 +29,11 @@ from renderer.system import join_lines
 
 PAGE_FILE = "index.html"
 CONTACT_FILE = "contact.png"
-# Share of a batch's time that writing the page may take.
+# Largest share of a batch's time that writing the page may take.
 _SHARE = 0.05
-# Most posters of older films that are made at each writing of a running batch.
+# Largest number of missing posters that are made each time that a running batch writes the page.
 _MAX_POSTERS = 100
-# Keys of an entry that the page shows as text.
+# Keys of a film's entry in turntable.json whose values the page shows as text.
 _TEXTS = ("status", "kind", "values", "hidden", "error", "command")
 
 
@@ -55,7 +55,7 @@ class Gallery:
         self._write(None)
 
     def _write(self, max_posters: int | None) -> None:
-        """Write missing posters, at most `max_posters`, and the page; without a limit also contact.png."""
+        """Write missing posters, at most `max_posters`, and the page; if `max_posters` is None, also contact.png."""
         # Imported here to keep --help fast.
         from hsplat_cli.reports import render_page, require_own_page
         from hsplat_cli.turntable.posters import contact_sheet
@@ -79,12 +79,12 @@ class Gallery:
 
 
 def poster_file(folder: Path, name: str) -> Path:
-    """Return the file of a film's poster. name: of the film's scene, without its suffix."""
+    """Return the file of a film's poster. name: the name of the film's scene file, without suffix."""
     return folder / "posters" / f"{name}.jpg"
 
 
 def _make_posters(folder: Path, films: Iterable[FilmEntry], limit: int | None) -> dict[str, str]:
-    """Make up to `limit` missing posters; return the problems of films that cannot have one, by their scenes."""
+    """Make up to `limit` missing posters; return the problem of each film without one, by the name of its scene."""
     from hsplat_cli.turntable.posters import is_poster_of, make_poster
 
     found = ((each.scene, _film_file(folder, each)) for each in films)
@@ -99,7 +99,7 @@ def _make_posters(folder: Path, films: Iterable[FilmEntry], limit: int | None) -
 
 
 def _film_file(folder: Path, entry: FilmEntry) -> Path | None:
-    """Return a film, or the file of its first frame; None if it is not finished, or is not a film in the folder."""
+    """Return the path of a film, or of its first frame; None if the film is not finished, or not in the folder."""
     film = frame_path(Path(entry.film), 0)
     is_inside = not film.is_absolute() and ".." not in film.parts
     is_film = entry.status == FINISHED and is_inside and output_suffix(film) in FORMATS

@@ -1,7 +1,7 @@
 """Record the result for each volume: a table for the terminal, and turntable.json for programs.
 
 turntable.json lists all films of its folder, whichever commands made them, one after the other or at the same time.
-Anybody may have edited it: entries that are damaged are passed over.
+The file may have been edited by hand: damaged entries are skipped.
 """
 
 from __future__ import annotations
@@ -28,36 +28,37 @@ STARTED: Final = "begun"
 FINISHED: Final = "done"
 FAILED: Final = "failed"
 INTERRUPTED: Final = "interrupted"
-# No file of the film was touched. The table alone shows this status: turntable.json keeps the entry of the film before.
+# The status of a film none of whose files were touched. Only the terminal's table shows it: turntable.json keeps the
+# entry of the earlier film.
 NOT_STARTED: Final = "not begun"
 
-# The longest time for which a process waits for the lock. A process holds it for milliseconds; one that holds it longer
-# than this is stopped, or its disk is gone.
+# The longest time, in seconds, for which a process waits for the lock of turntable.json. A process holds the lock for
+# milliseconds; a process that holds it for longer than this was stopped, or its disk is gone.
 LOCK_TIMEOUT_S = 60.0
-# The longest wait where there is another error to report.
+# The longest wait for the lock of turntable.json, in seconds, where another error is to be reported.
 _SHORT_LOCK_TIMEOUT_S = 1.0
-# The time of waiting after which it is reported.
+# The time of waiting for the lock of turntable.json, in seconds, after which a message says so.
 _NOTICE_DELAY_S = 2.0
-# The time between two attempts to take the lock.
+# The time between two attempts to take the lock of turntable.json, in seconds.
 _POLL_INTERVAL_S = 0.02
 
-# The titles of the columns of the table, and the keys of entries.
+# The keys of an entry that the terminal's table shows, by the titles of their columns.
 _COLUMNS = {
     **{name: name for name in ("volume", "status", "kind", "frames", "primitives", "seconds")},
     "file PSNR": "file_psnr",
     "frames PSNR": "psnr",
-    # This column of faults of pictures is left out where no film has any.
+    # Faults that were seen in pictures. The column is left out where no film has faults.
     "seen": "seen",
     "film": "film",
 }
-# The keys of the columns that are aligned to the right.
+# The keys whose columns in the terminal's table are aligned to the right.
 _NUMBER_COLUMNS = ("frames", "primitives", "seconds", "file_psnr", "psnr")
-# The keys of numbers that are shown with one decimal.
+# The keys of an entry whose numbers are shown with one decimal.
 DECIMAL_KEYS = ("psnr", "file_psnr", "seconds")
 
-# The longest time of a film, in seconds: thirty years.
+# The longest time of a film that an entry may have, in seconds: thirty years.
 _MAX_SECONDS = 1e9
-# The most bytes of the file; an entry has about 500.
+# The largest size of turntable.json, in bytes; an entry has about 500.
 _MAX_BYTES = 2**26
 
 _SECONDS = types.number(f"a number from 0 to {_MAX_SECONDS:g}", (int, float), 0, _MAX_SECONDS)
@@ -67,13 +68,14 @@ _NAME = schema.text_field("a name without a folder", "not a name", lambda name: 
 
 @dataclass(frozen=True)
 class FilmEntry:
-    """An entry of turntable.json: a volume, and the result for it. Paths are relative to the folder.
+    """An entry of turntable.json: a volume, and the result of making its film. Paths are relative to the folder.
 
-    made_by: the digest of the fingerprint of a finished film, by which the next command sees that it is up to date.
-    psnr, file_psnr: of the frames and of the film, in decibels. kind: of data, or the look. reason: for this kind.
-    values: that the film shows. seen: faults of its pictures. hidden: values that are hardly seen.
-    primitives: of a frame, in the mean. seconds: of the whole job. command: makes this film alone.
-    further: keys that other programs have added.
+    made_by: the digest of a finished film's fingerprint, by which the next command sees that the film is up to date.
+    psnr, psnr_interval: the PSNR of the drawn frames, in decibels, with its interval. file_psnr: the PSNR of the film's
+    file. kind: the kind of data, or the name of the look. reason: why the data counts as this kind. values: the values
+    that the film shows. seen: faults of its pictures. hidden: values that are hardly visible. primitives: the mean
+    number of primitives of a frame. seconds: the time of the whole job. command: the command line that makes this film
+    alone. further: keys that other programs have added.
     """
 
     volume: str
@@ -130,12 +132,12 @@ MANIFEST = RecordFile(types.open_record(_Manifest), MANIFEST_FILE, _MAX_BYTES)
 def update_manifest(
     folder: Path, entries: Sequence[FilmEntry], reporter: Reporter, lock_timeout_s: float = LOCK_TIMEOUT_S
 ) -> None:
-    """Write entries of films to turntable.json, in place of the former entries of their scenes.
+    """Write entries of films to turntable.json, in place of the earlier entries of their scenes.
 
-    Other entries stay while their scene exists, or their volume where no film could be made.
-    Entries of films that were not started, or were interrupted before that, change nothing.
+    The entry of another film stays while the film's scene exists, or, if the film failed, while its volume exists.
+    An entry of a film that was not started, or was interrupted before its start, changes nothing.
 
-    lock_timeout_s: how long to wait for other processes, on all machines. Raises InputError and RenderError.
+    lock_timeout_s: the longest time to wait for other processes, on any machine. Raises InputError and RenderError.
     """
     with locked_manifest(folder, reporter, lock_timeout_s):
         stored = _read(folder)
@@ -157,14 +159,14 @@ def update_manifest(
 
 
 def try_to_update(folder: Path, entries: Sequence[FilmEntry], reporter: Reporter) -> None:
-    """Write entries where there is another error to report: wait for a moment only, and raise nothing."""
+    """Write entries to turntable.json after another error: wait for the lock only for a moment, and raise nothing."""
     with contextlib.suppress(HsplatError):
         update_manifest(folder, entries, reporter, _SHORT_LOCK_TIMEOUT_S)
 
 
 @contextlib.contextmanager
 def locked_manifest(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None]:
-    """Lock turntable.json of a folder, which is made where it is missing; a wait is reported after a moment."""
+    """Make a folder if it is missing, and lock its turntable.json; a wait for the lock is reported after a moment."""
     file, start, is_reported = folder / MANIFEST_FILE, time.perf_counter(), False
     with contextlib.ExitStack() as stack:
         while True:
@@ -185,7 +187,7 @@ def locked_manifest(folder: Path, reporter: Reporter, timeout_s: float) -> Itera
 
 
 def read_films(folder: Path) -> dict[str, FilmEntry]:
-    """Return the undamaged entries by the names of their scenes; none where the file is no turntable.json."""
+    """Return the undamaged entries of turntable.json by the names of their scenes; none if it cannot be read."""
     return _read(folder).by_scene
 
 
@@ -208,7 +210,7 @@ def has_volume(folder: Path, film: FilmEntry) -> bool:
 
 
 def manifest_table(folder: Path, films: Sequence[FilmEntry]) -> str:
-    """Return a line for each volume, in columns; for a film that failed with the first line of the error."""
+    """Return a table with a line for each volume; the last column has the film, or the first line of its error."""
     has_seen = any(film.seen for film in films)
     columns = {title: key for title, key in _COLUMNS.items() if has_seen or key != "seen"}
     rows = [_row(folder, film, columns.values()) for film in films]
@@ -225,5 +227,5 @@ def _row(folder: Path, film: FilmEntry, keys: Iterable[str]) -> list[str]:
 
 
 def decimal_text(value: float | None) -> str:
-    """Return a number with one decimal; empty where there is none."""
+    """Return a number as text with one decimal; None as an empty text."""
     return "" if value is None else f"{value:.1f}"

@@ -39,9 +39,10 @@ if TYPE_CHECKING:
 
 
 def make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
-    """Make the film, and return its entry, which turntable.json gets in any case. Raises HsplatError.
+    """Make the film, add its entry to turntable.json, and return the entry. Raises HsplatError.
 
-    A failure leaves no folder, and no entry, where there was no folder before.
+    A film that fails also gets an entry, unless its folder did not exist before and is still empty: such a folder is
+    removed again.
     """
     folder = request.scene.parent
     missing_folders = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
@@ -60,12 +61,12 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
 
 
 def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
-    """Write the scene, render it, and return the record of the film. Raises HsplatError."""
+    """Write the scene, render it, and return the film's entry for turntable.json. Raises HsplatError."""
     if request.problem is not None:
         raise request.problem
     expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
     inputs = file_states(request.input_files())
-    # Before the volume is read, which may take long.
+    # Checked before the volume is read, which may take long.
     require_writable(request.scene)
     text, facts, notes = _scene_text(request, reporter)
     content = marked_scene(text, request.volume_path)
@@ -76,8 +77,9 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     from renderer.resolve import resolve_scene
 
     with request.look.located() if request.look else nullcontext():
-        scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
-        scene = resolve_scene(scene, read_volume)  # of steps in time, and percentiles
+        # Parsed before the file exists, so that no change to the file affects the job.
+        scene = parse_scene_content(content, request.scene)
+        scene = resolve_scene(scene, read_volume)  # which chooses steps in time, and values of percentiles
     from renderer.job import make_film as draw_film, one_pass
     from renderer.record import round_decibels, round_seconds, visibility_text
 
@@ -91,12 +93,12 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     made = result.film.record
     accuracy, visibility = made.accuracy, made.visibility
     seen = ", ".join(each.word for each in result.glances if each.word)
-    if not result.summary:  # the film was up to date, and nobody looked at it again
+    if not result.summary:  # the film was up to date, and was not examined again
         before = manifest.read_films(request.scene.parent).get(request.scene.name)
         seen = (before.seen if before else None) or ""
     return replace(
         facts,
-        # Else the next job makes it again.
+        # Without a fingerprint of the film, the next job makes the film again.
         made_by=None if made.fingerprint is None else request.fingerprint(inputs).digest,
         psnr=None if accuracy is None else round_decibels(accuracy.psnr),
         psnr_interval=None if accuracy is None else accuracy.interval,
@@ -112,7 +114,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
 
 
 def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntry, Sequence[str]]:
-    """Return the scene, the entry of the film with the facts that the scene tells, and notes. Raises HsplatError."""
+    """Return the scene's text, the film's entry with facts about the scene, and notes. Raises HsplatError."""
     entry = request.entry(manifest.FINISHED)
     if request.look is not None:
         text, notes = request.look.scene_text(request.volume, request.scene, reporter)
@@ -124,7 +126,7 @@ def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntr
 
 
 def _visible_values(scene: FilmScene) -> str:
-    """Return the ends of the visible values of the first volume, such as `18.9 to 255`; of labels their names."""
+    """Return the range of the visible values of the first volume, such as `18.9 to 255`, or its labels' names."""
     transfer = scene.at(0).layers[0].transfer_function
     if transfer.labels is not None:
         return _label_names(transfer.labels)
@@ -136,7 +138,10 @@ def _visible_values(scene: FilmScene) -> str:
 
 
 def _shown_values(suggestion: Suggestion) -> str:
-    """Return `18.9 to 255`, or the names of labels; empty where it is not known which values are shown."""
+    """Return the range of the values that a suggested scene shows, such as `18.9 to 255`, or the names of its labels.
+
+    Returns an empty text where it is not known which values are shown.
+    """
     if (labels := suggestion.transfer.labels) is not None:
         return _label_names(labels)
     ends = [end for layer in suggestion.visible for each in layer.ranges for end in each]
@@ -144,28 +149,28 @@ def _shown_values(suggestion: Suggestion) -> str:
 
 
 def _label_names(labels: LabelsSpec) -> str:
-    """Return `caudate, putamen and 14 more`, with numbers of labels that have no name."""
+    """Return the names of labels, as `caudate, putamen and 14 more`; a label without a name has its number."""
     return join_some([style.name or f"label {style.value}" for style in labels.styles])
 
 
 class _TurntableEvents(FilmEvents):
-    """A listener that also writes the scene, and records in turntable.json that a film is started."""
+    """A listener of a film job that prints, writes the scene's file, and records the start in turntable.json."""
 
     def __init__(self, reporter: Reporter, request: FilmRequest, content: bytes, noun: str) -> None:
         super().__init__(reporter, noun)
         self._request, self._content = request, content
 
     def locked(self) -> None:
-        """Write the scene: it belongs to the film, and no other job may change it before the film is finished."""
+        """Write the scene's file, now that no other job can change it before the film is finished."""
         write_scene(self._request, self._content, self._reporter)
 
     def volume_noted(self, text: str) -> None:
-        """Print nothing where this was printed when the scene was suggested."""
+        """Print a note on the volume, unless it was printed when the scene was suggested."""
         if self._request.look is not None:
             super().volume_noted(text)
 
     def prepared(self) -> None:
-        """Record the film; one that is up to date is not started."""
+        """Record in turntable.json that the film is started; a film that is up to date is never prepared."""
         update_manifest(self._request.scene.parent, [self._request.entry(manifest.STARTED)], self._reporter)
 
 
@@ -180,7 +185,7 @@ def write_scene(request: FilmRequest, content: bytes, reporter: Reporter) -> Non
 
 
 def _require_replaceable(request: FilmRequest, content: bytes) -> bool:
-    """Return whether the scene's file has this content; raises as `write_scene`."""
+    """Return whether the scene's file has this content. Raises InputError if the file must not be replaced."""
     scene = request.scene
     with translate_os_errors(scene):
         existing = scene.read_bytes() if scene.exists() else None
@@ -204,26 +209,26 @@ def _require_replaceable(request: FilmRequest, content: bytes) -> bool:
     return False
 
 
-# Behind it a marked scene has the path of its volume, as JSON.
+# The text before a volume's path in the last line of a scene by `marked_scene`; its quote begins the path, in JSON.
 _MARK = b'; of "'
 
 
 def marked_scene(text: str, volume_path: str) -> bytes:
-    """Return a scene with a last line that names its volume, and shows that nobody has edited it."""
+    """Return a scene with a last line that names its volume, and has a digest, which shows whether it was edited."""
     volume = json.dumps(volume_path)
     marked = f"{text}\n# `hsplat turntable` replaces this file while nobody has changed it; of {volume}: "
     return f"{marked}{bytes_digest(marked.encode())}\n".encode()
 
 
 def _volume_of_unedited(content: bytes) -> str | None:
-    """Return the volume path in a marked scene that nobody has edited."""
+    """Return the volume's path in a scene by `marked_scene`; None for an edited scene, or one without a mark."""
     before, mark, digest = content.rpartition(b": ")
     is_unedited = bytes_digest(before + mark).encode() + b"\n" == digest
     return json.loads(before[before.rindex(_MARK) + len(_MARK) - 1 :]) if is_unedited and _MARK in before else None
 
 
 def print_film_record(request: FilmRequest, reporter: Reporter) -> None:
-    """Make the film on behalf of a batch, and print its record as a last line of JSON, also if it failed."""
+    """Make the film on behalf of a batch, and print its entry as a last line of JSON, also if the film failed."""
     try:
         record = make_film(request, reporter)
     except HsplatError as error:

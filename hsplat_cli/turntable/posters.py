@@ -21,19 +21,19 @@ from renderer.scene import format_of
 
 # Longest side of a poster, in pixels.
 _POSTER_PX = 320
-# Quality of a poster's JPEG file, of 100.
+# Quality of a poster's JPEG file, on a scale to 100.
 _QUALITY = 85
-# Most pixels of a film's frame. The film may come from anywhere.
+# Largest number of pixels of a film's frame that is decoded. The film may come from anywhere.
 _MAX_FILM_PIXELS = 2**26
-# On the picture with names: most films.
+# Largest number of films on contact.png, the picture of all posters with names.
 _MAX_NAMED = 200
-# Films in a row.
+# Number of films in a row of contact.png.
 _COLUMNS = 10
-# Width and height of a film's picture, in pixels.
+# Width and height of the place for a poster on contact.png, in pixels.
 _NAMED_PX = 160
-# Height of the space for a name, in pixels.
+# Height of the place for a film's name on contact.png, in pixels.
 _LINE_PX = 20
-# Size of the letters of a name, in pixels.
+# Size of the letters of a film's name on contact.png, in pixels.
 _FONT_PX = 11
 _NAME_COLOR = "#e6e6e3"
 
@@ -64,7 +64,10 @@ def make_poster(film: Path, poster: Path) -> None:
 
 
 def contact_sheet(posters: Sequence[tuple[Path, str]]) -> bytes:
-    """Return a PNG file of the first _MAX_NAMED posters and names. Raises InputError for an unreadable poster."""
+    """Return a PNG file with the first _MAX_NAMED posters, each above its film's name.
+
+    posters: the file and the film's name of each poster. Raises InputError for an unreadable poster.
+    """
     posters, font = posters[:_MAX_NAMED], Font(None)
     height, content = _NAMED_PX + _LINE_PX, io.BytesIO()
     sheet = Image.new("RGB", (min(_COLUMNS, len(posters)) * _NAMED_PX, -(-len(posters) // _COLUMNS) * height))

@@ -3,7 +3,7 @@
 In: the scene's `annotation`, a stage, and the pictures of its frames. Out: the same pictures with patches over them, or
 the problems for which a patch cannot be drawn. All is computed in whole numbers: the same bytes everywhere.
 
-- `film_annotation.py`: the annotation of a film, tried first for whether there is room, and drawn
+- `film_annotation.py`: the annotation of a film: a test that pictures have room for it, and the drawing
 - `stage_facts.py`: the facts of a film and of a frame, as plain data
 - `annotator.py`: the entries, placed around the picture and drawn for each frame
 - `entries.py`: a drawing function for each kind of entry

@@ -13,14 +13,14 @@ from renderer.annotation.text import Font
 from renderer.errors import InputError, Problem
 from renderer.scene import AnnotationSpec, Color, EntrySpec
 
-# The distance of entries from the edges of the picture, as a share of its shorter side.
+# The distance of entries from the edges of the picture, as a share of the picture's shorter side.
 _MARGIN = 0.04
 # The distance between entries, as a share of the picture's shorter side.
 _GAP = 0.02
-# The widest rim around an entry, in pixels.
+# The largest width of the rim around an entry, in pixels.
 _MAX_RIM_PX = 4
 
-# The row and the column of a drawing's first pixel.
+# The place of a drawing in the picture: the row and the column of the drawing's first pixel.
 Place = tuple[int, int]
 
 
@@ -33,10 +33,10 @@ class Annotator:
     """
 
     def __init__(self, spec: AnnotationSpec, facts: AnnotationFacts) -> None:
-        """Read the font. Raises InputError if that fails."""
+        """Read the font. Raises InputError if it cannot be read."""
         self._entries, self._facts = spec.entries, facts
         self._pen, self.margin = Pen(Font(spec.font), facts), round(_MARGIN * min(facts.size))
-        num = 2 * len(self._entries)  # the current drawing of each entry, and the one before
+        num = 2 * len(self._entries)  # for each entry, the current drawing and the drawing before it
         self._drawn, self._finished = lru_cache(num)(self._draw), lru_cache(num)(self._finish)
 
     def patches(self, frame: FrameFacts) -> list[Patch]:
@@ -45,7 +45,10 @@ class Annotator:
         return [self._finished(key, sketches[key], place) for key, place in self.places(sketches).items()]
 
     def sketch(self, key: str, frame: FrameFacts) -> Sketch:
-        """Return the drawing of an entry on a frame; empty if there is nothing to show. Raises InputError."""
+        """Return the drawing of an entry on a frame; empty if there is nothing to show.
+
+        key: the key of the entry in the annotation. Raises InputError if the entry cannot be drawn.
+        """
         find, _ = DRAWERS[key]
         return self._drawn(key, find(self._entries[key], frame))
 
@@ -54,7 +57,10 @@ class Annotator:
         return draw(spec, self._pen, self._pen.px(spec.size), shown)
 
     def places(self, sketches: Mapping[str, Sketch]) -> dict[str, Place]:
-        """Return the row and the column of each drawing. Drawings at the same position stack away from the edge."""
+        """Return the place of each drawing. Drawings at one position, such as a corner, are stacked from the edge on.
+
+        sketches: the drawings of entries, by key.
+        """
         places, by_position = dict[str, Place](), dict[str, list[str]]()
         for key in sketches:
             by_position.setdefault(self._entries[key].position, []).append(key)
@@ -70,13 +76,16 @@ class Annotator:
         return places
 
     def _finish(self, key: str, sketch: Sketch, place: Place) -> Patch:
-        """Return a drawing in its colours, at its place."""
+        """Return the drawing of an entry as a patch: in the entry's colour, with a rim, at its place in the picture."""
         spec, (row, column) = self._entries[key], place
         rim = 0 if key == "logo" else min(max(self._pen.px(spec.size) // 12, 1), _MAX_RIM_PX)
         return Patch(sketch.finish(self._color(spec, row + sketch.height / 2), rim), row - rim, column - rim)
 
     def _color(self, spec: EntrySpec, row: float) -> Color:
-        """Return the colour of an entry. row: the row of its middle, for a background that changes with height."""
+        """Return the colour of an entry: its own, or black or white, whichever is readable on the background.
+
+        row: the row of the entry's middle, for a background whose colour changes with height.
+        """
         if spec.color != "auto":
             return spec.color
         if self._facts.background is None:

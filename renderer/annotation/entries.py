@@ -19,33 +19,34 @@ from renderer.errors import InputError
 from renderer.scene import Color, ColorBarSpec, EntrySpec, LogoSpec, Vector, fill_format, require_file
 from renderer.volume import UInt8
 
-# The smallest height of text, in pixels.
+# The smallest height of text in a picture, in pixels.
 MIN_TEXT_PX = 9
-# The most names in a legend. A further row says how many are missing.
+# The largest number of names in a legend. If there are more names, a further row says how many are missing.
 MAX_LEGEND_ROWS = 24
 # The greatest length of a scale bar, as a share of the picture's width.
 _MAX_BAR = 0.2
-# The size of the words beside the length of a scale bar, as a share of the length's size.
+# The text size of the words "at the target" at a scale bar, as a share of the text size of the bar's length.
 _SMALL = 0.75
-# The smallest side of the triad of axes, in pixels: enough for letters of MIN_TEXT_PX.
+# The smallest side of the square in which the arrows along the world's axes are drawn, in pixels: letters of
+# MIN_TEXT_PX have room in it.
 _MIN_TRIAD_PX = 52
-# The ink of a profile of opacities, from 0 to 255.
+# The opacity with which a color bar's profile of opacities is drawn, from 0 to 255.
 _PROFILE = 150
 # The file formats of logos, by their names in Pillow.
 _LOGO_FORMATS = ("PNG", "JPEG", "WEBP")
-# The most pixels of a logo's file.
+# The largest number of pixels in the file of a logo.
 _MAX_LOGO_PIXELS = 64 * 2**20
-# The greatest ratio of width to height of a logo's file.
+# The largest ratio of width to height of a logo.
 _MAX_LOGO_RATIO = 50
-# The anatomical direction that is shown in place of its opposite.
+# The anatomical directions that are not shown (left, posterior, inferior), each with the opposite that is shown.
 _OPPOSITE = {"L": "R", "P": "A", "I": "S"}
-# The colours of the arrows along x, y and z.
+# The colours of the arrows along the world's x, y and z axes.
 _AXIS_COLORS: tuple[Color, ...] = ((0.95, 0.32, 0.30), (0.30, 0.75, 0.35), (0.30, 0.55, 1.0))
 
 
 @dataclass(frozen=True)
 class Pen:
-    """A pen that draws all entries: it has the font, and the facts about the film."""
+    """The font and the facts about the film with which all entries of an annotation are drawn."""
 
     font: Font
     facts: AnnotationFacts
@@ -64,7 +65,7 @@ def draw_text(_: EntrySpec, pen: Pen, px: int, text: str) -> Sketch:
 
 
 def draw_scale_bar(spec: EntrySpec, pen: Pen, px: int, world_per_pixel: float) -> Sketch:
-    """Draw a bar of a round length, and the length over it; in perspective, also the distance at which it holds."""
+    """Draw a scale bar of a round length, with the length above it; in perspective, it holds at the camera's target."""
     length = round_below(_MAX_BAR * pen.facts.size[0] * world_per_pixel)
     width, whole = max(round(float(length) / world_per_pixel), 1), Sketch()
     line = pen.font.line(length_text(length, pen.facts.unit), px)
@@ -78,7 +79,7 @@ def draw_scale_bar(spec: EntrySpec, pen: Pen, px: int, world_per_pixel: float) -
 
 
 def draw_color_bars(spec: ColorBarSpec, pen: Pen, px: int, _: object) -> Sketch:
-    """Draw the bars of transfer functions beside each other."""
+    """Draw the color bars of all layers, or of one layer, side by side."""
     bars = [bar for bar in pen.facts.bars if spec.layer in (None, bar.layer)]
     if not bars:
         raise InputError("no colours of a scalar", expected="a transfer function of values")
@@ -89,7 +90,7 @@ def draw_color_bars(spec: ColorBarSpec, pen: Pen, px: int, _: object) -> Sketch:
 
 
 def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
-    """Draw coloured squares with names, and the number of names beyond the last row."""
+    """Draw a legend: coloured squares with names, and the number of names for which there is no row."""
     entries, side, frame, whole = pen.facts.legend, round(0.72 * px), max(1, px // 20), Sketch()
     if not entries:
         raise InputError("nothing has a name", expected="labels or volumes with names")
@@ -97,7 +98,7 @@ def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
     for number, (name, color) in enumerate(entries[:MAX_LEGEND_ROWS]):
         line, row = pen.font.line(name, px), round(1.45 * px) * number
         whole.draw(line.mask, row, side + px // 2)
-        # A frame shows squares whose colour is like the background.
+        # The frame makes a square visible whose colour is like the background.
         whole.fill(row + line.baseline - side, 0, side, side)
         whole.color(inside, color, row + line.baseline - side + frame, frame)
     if more > 0:
@@ -120,7 +121,7 @@ def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) ->
             mask, row, column = polygon(corners)
             whole.color(mask, color, row, column)
         line = pen.font.line(name, letter_px)
-        # Letters lie beside the tip of an arrow.
+        # A letter lies beyond the tip of its arrow.
         letter, beyond = grown(line.mask, rim, rim), reach + 0.75 * letter_px / max(length, 0.3)
         row = min(max(round(side / 2 + beyond * down - line.baseline / 2) - rim, 0), side - letter.shape[0])
         column = min(max(round(side / 2 + beyond * across - line.mask.shape[1] / 2) - rim, 0), side - letter.shape[1])
@@ -138,7 +139,10 @@ def draw_logo(spec: LogoSpec, _: Pen, height: int, __: object) -> Sketch:
 
 
 def _read_logo(file: Path, height: int) -> UInt8:
-    """Return a picture scaled to a height: premultiplied RGBA, uint8 [h, w, 4]. Raises InputError if that fails."""
+    """Return the picture in a file, scaled to a height: premultiplied RGBA, uint8 [h, w, 4].
+
+    Raises InputError if the picture is too large, or cannot be read.
+    """
     from PIL import Image
 
     expected = "a picture: PNG, JPEG or WebP"
@@ -149,16 +153,16 @@ def _read_logo(file: Path, height: int) -> UInt8:
                 size = f"{picture.width} x {picture.height} pixels"
                 raise InputError("too large for a logo", where=str(file), got=size, expected="at most 64 megapixels")
             width = max(round(height * picture.width / picture.height), 1)
-            # Premultiplied colours keep transparent pixels out of the mean. Hamming has no negative weights, so that
-            # edges do not ring.
+            # With premultiplied colours, transparent pixels do not count in a mean. The Hamming filter has no negative
+            # weights, so that edges do not ring.
             scaled = picture.convert("RGBA").convert("RGBa").resize((width, height), Image.Resampling.HAMMING)
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise InputError("this picture cannot be decoded", where=str(file), expected=expected) from error
     return np.array(scaled)
 
 
-# Two functions for each key of an annotation. The first returns the content of the entry on a frame. The second draws
-# the entry from its keys, a pen, its size in pixels, and that content.
+# The entries of an annotation, each by its key with two functions. The first returns the content of the entry on a
+# frame. The second draws the entry from the entry's keys in the scene, a pen, a size in pixels, and this content.
 DRAWERS: dict[str, tuple[Callable[[Any, FrameFacts], Any], Callable[[Any, Pen, int, Any], Sketch]]] = {
     "title": (lambda spec, frame: spec.text, draw_text),
     "logo": (lambda spec, frame: None, draw_logo),
@@ -172,7 +176,11 @@ DRAWERS: dict[str, tuple[Callable[[Any, FrameFacts], Any], Callable[[Any, Pen, i
 
 
 def _draw_color_bar(whole: Sketch, left: int, spec: ColorBarSpec, pen: Pen, px: int, bar: ColorBar) -> None:
-    """Draw a bar with its label above, its opacities as a profile on the left, and its ticks on the right."""
+    """Draw a color bar: its label above, a profile of opacities on the left, and ticks with numbers on the right.
+
+    whole: the drawing that the bar is added to. left: the first column of the bar in it. px: the height of text, and
+    the width of the bar, in pixels.
+    """
     length, width, frame, stroke = round(spec.length * pen.facts.size[1]), px, max(1, px // 20), max(2, px // 4)
     name = bar.name if not bar.unit else f"{bar.name} ({bar.unit})" if bar.name else bar.unit
     label = pen.font.line(spec.label or name or " ", px)
@@ -204,10 +212,10 @@ def _share(bar: ColorBar, value: Decimal) -> float:
 
 
 def _arrow(middle: float, way: tuple[float, float], end: float, half: float) -> list[list[tuple[float, float]]]:
-    """Return the corners of the shaft and the head of an arrow that starts in the middle of a square.
+    """Return the corners of two polygons, the shaft and the head of an arrow that starts in the middle of a square.
 
-    middle: the x and the y of the start. way: a unit vector along the arrow. end: its length. half: half the width of
-    its shaft. All are in pixels.
+    middle: the x and the y of the square's middle, in pixels. way: a unit vector along the arrow. end: the length of
+    the arrow, in pixels. half: half the width of its shaft, in pixels.
     """
     neck, (x, y) = max(end - 8 * half, 0.0), way
 

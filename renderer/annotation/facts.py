@@ -9,9 +9,12 @@ from renderer.scene import Color, Vector
 
 @dataclass(frozen=True)
 class ColorBar:
-    """A record of the colours of a transfer function over a range of its scalar.
+    """A color bar: the colours and opacities of a transfer function over a range of its scalar.
 
-    colors, opacities: samples at even distances along the bar, from `low` to `high`. A projection has no opacities.
+    name, unit: the name of the layer, and the unit of its scalar.
+    low, high: the ends of the range.
+    colors, opacities: samples at even distances along the bar, from `low` to `high`. A layer shown by a number of each
+        ray, such as its maximum, has no opacities.
     layer: the number of the layer with the transfer function. is_log: whether the samples are evenly spaced in the
         logarithm of the scalar.
     """
@@ -28,13 +31,15 @@ class ColorBar:
 
 @dataclass(frozen=True)
 class AnnotationFacts:
-    """A record of the facts that hold on all frames of a film.
+    """The facts about a film that an annotation shows, on all frames alike.
 
-    size: (width, height) of the picture. background: the colours of its top and its bottom row, None if transparent.
-    unit: the unit of world lengths, such as `mm`, or `voxels` if it is unknown. is_perspective: whether the camera's
-        projection is perspective.
-    world_axes: the directions of the world's axes, such as `LPS`, or empty if they are unknown.
-    legend: names and their colours.
+    size: (width, height) of the picture, in pixels.
+    background: the colours of the top and the bottom row of the picture, None if the background is transparent.
+    unit: the unit of world lengths, such as `mm`, or `voxels` if the unit is unknown.
+    is_perspective: whether the camera's projection is perspective.
+    world_axes: the anatomical directions of the world's axes, such as `LPS`, or empty if they are unknown.
+    bars: the color bars of the layers.
+    legend: the names of labels or volumes, with their colours.
     """
 
     size: tuple[int, int]
@@ -48,10 +53,13 @@ class AnnotationFacts:
 
 @dataclass(frozen=True)
 class FrameFacts:
-    """A record of the facts about one frame.
+    """The facts about one frame that an annotation shows.
 
-    seconds: the time of the frame in the film. time: the time of the step that is shown, None without steps in time.
-    moving: the scene's values that move, by key. accuracy: the accuracy of the frame, in words.
+    frame: the number of the frame.
+    seconds: the time of the frame in the film.
+    time: the time of the step of the volume that is shown, None without steps in time.
+    moving: the scene's values that move, by key.
+    accuracy: the accuracy of the frame, in words.
     world_per_pixel: the world length of a pixel's side, at the camera's target.
     axes: the view's right, up and backward directions in the world.
     """
@@ -66,6 +74,6 @@ class FrameFacts:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Return the numbers that format strings of texts may name."""
+        """Return the numbers that a text of the annotation may show by name, such as `{seconds}`."""
         own = {"frame": self.frame, "seconds": self.seconds} | ({} if self.time is None else {"time": self.time})
         return own | self.moving

@@ -18,9 +18,9 @@ from renderer.frame import FilmStage, Stage, view_of
 from renderer.scene import PictureKind, raise_problems
 from renderer.volume import Bools, Float32
 
-# The most frames of a film on which the annotation is tried before any is drawn.
+# Before a film is drawn, its annotation is tried on at most this many frames.
 _MOST_TRIED = 9
-# A PSNR in decibels, for the widest text of an accuracy that is not known yet.
+# The PSNR in decibels with which the annotation is tried, before the accuracy is known. No PSNR makes a wider text.
 _WIDEST_PSNR = 100.0
 
 
@@ -29,7 +29,7 @@ class FilmAnnotation:
 
     def __init__(self, film: FilmStage) -> None:
         self._film, self._output = film, film.scene.output
-        # An annotator keeps the drawings that do not change from frame to frame.
+        # Annotators are kept, because each one keeps the drawings that do not change from frame to frame.
         self._annotator = lru_cache(len(self._output.kinds))(Annotator)
         self._facts: tuple[FilmStage, dict[PictureKind, AnnotationFacts]] = film, {}
 
@@ -48,7 +48,10 @@ class FilmAnnotation:
         draw_annotation(image, annotator.patches(frame_facts(self._film.scene, stage, frame, kind, psnr)))
 
     def covered(self, frame: int, psnr: float | None) -> Bools | None:
-        """Return which pixels of a frame's first picture are covered, bool [h, w]; None without an annotation."""
+        """Return which pixels of a frame's picture its annotation covers, bool [h, w]; None without an annotation.
+
+        The picture is of the first kind. psnr: the PSNR of the frame in decibels, if it was measured.
+        """
         stage, kind = self._film.at(frame), self._output.kind.at(frame)
         if not stage.scene.annotation.shows_anything:
             return None
@@ -61,18 +64,18 @@ class FilmAnnotation:
 
 
 def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
-    """Raise SceneError if the annotation cannot be drawn over a picture of some frame, of any kind."""
+    """Raise SceneError if the annotation of a film cannot be drawn over the pictures of some of the given frames."""
     annotation = film.scene.at(0).annotation
     if not annotation.entries:
         return
-    # Imported here, as `renderer.accuracy` takes a while to load.
+    # This import is not at the top of the file, because `renderer.accuracy` takes a while to load.
     from renderer.accuracy import spread_evenly
 
     problems: list[Problem] = []
     for kind in film.scene.output.kinds:
         shown = []
         for frame in spread_evenly(frames, _MOST_TRIED, is_loop=False):
-            # The layers are those of the first frame, as the layers of other frames take a while to make.
+            # The layers of the first frame serve for all frames, because other layers take a while to make.
             scene = film.scene.at(frame)
             stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
             shown.append(frame_facts(film.scene, stage, frame, kind, _WIDEST_PSNR))
@@ -81,7 +84,7 @@ def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
 
 
 def annotation_notes(stage: FilmStage) -> Iterator[str]:
-    """Yield notes for the user on a film's annotation."""
+    """Yield notes on a film's annotation that are shown to the user."""
     annotation = stage.scene.at(0).annotation
     if annotation.scale_bar is not None and not length_unit(stage):
         yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"

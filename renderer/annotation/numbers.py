@@ -7,13 +7,13 @@ from decimal import Decimal
 
 # The first digits of round numbers.
 _MANTISSAS = (1, 2, 5)
-# The metric units in which lengths are written, by their power of ten of a metre.
+# The metric units in which lengths are written, each by its length in metres, as a power of ten: -3 for mm.
 _PREFIXES = {-12: "pm", -9: "nm", -6: "µm", -3: "mm", 0: "m", 3: "km"}
-# The powers of ten of a metre, by the names of units that a volume may have.
+# The metric units that a volume may have, each with its length in metres, as a power of ten: -2 for cm.
 _UNITS = {unit: power for power, unit in _PREFIXES.items()} | {"cm": -2, "um": -6, "\u03bcm": -6}
-# The most digits before the point. Larger numbers are written with a power of ten.
+# Numbers with more digits than this before the decimal point are written with a power of ten.
 _MOST_DIGITS = 6
-# The most digits after the point. Smaller numbers are written with a power of ten.
+# Numbers whose first digit other than 0 is later than this after the decimal point are written with a power of ten.
 _MOST_DECIMALS = 5
 
 
@@ -25,7 +25,7 @@ def round_below(limit: float) -> Decimal:
 
 
 def plain_text(number: Decimal) -> str:
-    """Return the digits of a number; very large and very small numbers have a power of ten."""
+    """Return a number as text, exactly; very large and very small numbers are written with a power of ten."""
     number = number.normalize()
     if number and not -_MOST_DECIMALS <= number.adjusted() < _MOST_DIGITS:
         mantissa = number.scaleb(-number.adjusted())
@@ -34,7 +34,10 @@ def plain_text(number: Decimal) -> str:
 
 
 def length_text(length: Decimal, unit: str) -> str:
-    """Return a length with its unit. Metric units are replaced by the one in which the length has the fewest digits."""
+    """Return a length as text with its unit; a metric unit is replaced by the largest unit in which it is at least 1.
+
+    length: the number of units. unit: the name of the unit.
+    """
     if unit not in _UNITS:
         return f"{plain_text(length)} {unit.removesuffix('s') if length == 1 and unit == 'voxels' else unit}".rstrip()
     metres = length.scaleb(_UNITS[unit])
@@ -61,9 +64,10 @@ def find_ticks(low: float, high: float, most: int, *, is_log: bool = False) -> l
 
 
 def _log_ticks(low: float, high: float, most: int) -> list[Decimal]:
-    """Return ticks of a logarithmic axis: 1, 2 and 5 times powers of ten, or powers, or every second power, and so on.
+    """Return the ticks of a logarithmic axis from `low` to `high`, at most `most` of them.
 
-    The first of these series that has at most `most` ticks is taken.
+    They are 1, 2 and 5 times powers of ten; if these are too many, powers of ten, or every second power, or every third
+    power, and so on.
     """
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for mantissas, stride in ((_MANTISSAS, 1), *(((1,), stride) for stride in range(1, len(powers) + 1))):

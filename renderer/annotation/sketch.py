@@ -1,4 +1,4 @@
-"""Draw with masks, and colour them at the end, in whole numbers: the same bytes on every machine."""
+"""Draw with masks, and colour the masks at the end, in whole numbers: the same bytes on every machine."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from renderer.errors import InputError
 from renderer.scene import Color
 from renderer.volume import Float32, UInt8
 
-# The most pixels of a drawing. No picture has more.
+# The largest number of pixels of a drawing. No picture has more pixels.
 _MAX_PIXELS = 2**28
-# The number of samples along each side of a pixel, by which a polygon's edges are smooth.
+# The number of samples along each side of a pixel by which a polygon is drawn, so that its edges are smooth.
 _SAMPLES = 4
-# The greatest opacity of a rim, from 0 to 255.
+# The opacity of a rim where it meets the drawing, from 0 to 255; outwards, it fades.
 _RIM = 190
 
 
 class Patch(NamedTuple):
-    """A picture to put over another: premultiplied RGBA, float32 [h, w, 4], and the place of its first pixel."""
+    """A patch: a small picture that is put over a frame's picture.
+
+    rgba: premultiplied RGBA, float32 [h, w, 4]. row, column: the place of the first pixel of the patch in the picture.
+    """
 
     rgba: Float32
     row: int
@@ -30,8 +33,8 @@ class Patch(NamedTuple):
 class Sketch:
     """A drawing that grows to the right and down as it is drawn on.
 
-    ink: the mask of all that has the entry's colour, uint8 [h, w]. paint: a picture over the ink, with its own colours,
-        as premultiplied RGBA, uint8 [h, w, 4].
+    ink: the mask of everything that gets the entry's colour, uint8 [h, w]. paint: a picture over the ink, with its own
+        colours, as premultiplied RGBA, uint8 [h, w, 4].
     """
 
     def __init__(self) -> None:
@@ -40,21 +43,21 @@ class Sketch:
 
     @property
     def height(self) -> int:
-        """Return the number of rows."""
+        """Return the number of rows of the drawing, in pixels."""
         return self.ink.shape[0]
 
     @property
     def width(self) -> int:
-        """Return the number of columns."""
+        """Return the number of columns of the drawing, in pixels."""
         return self.ink.shape[1]
 
     def draw(self, mask: UInt8, row: int, column: int) -> None:
-        """Add a mask to the ink."""
+        """Add a mask, uint8 [h, w], to the ink. row, column: the place of the mask's first pixel in the drawing."""
         part = self._part(row, column, *mask.shape)
         self.ink[part] = np.maximum(self.ink[part], mask)
 
     def fill(self, row: int, column: int, height: int, width: int) -> None:
-        """Add a rectangle to the ink."""
+        """Add a filled rectangle to the ink."""
         self.draw(np.full((height, width), 255, np.uint8), row, column)
 
     def color(self, mask: UInt8, color: Color, row: int, column: int) -> None:
@@ -63,12 +66,15 @@ class Sketch:
         self.paint[part] = _over(self.paint[part], _colored(mask, color))
 
     def erase(self, mask: UInt8, row: int, column: int) -> None:
-        """Take paint away where a mask is set."""
+        """Take paint away where a mask is above 0; all of it where the mask is 255."""
         part = self._part(row, column, *mask.shape)
         self.paint[part] = self.paint[part] * (255 - mask[..., None].astype(np.uint32)) // 255
 
     def _part(self, row: int, column: int, height: int, width: int) -> tuple[slice, slice]:
-        """Return the rows and columns of a part, and make room for it. Raises InputError above _MAX_PIXELS."""
+        """Return the slices of a rectangle in the drawing, which is enlarged if it does not hold the rectangle.
+
+        Raises InputError if the drawing would have more than _MAX_PIXELS.
+        """
         more = max(row + height - self.height, 0), max(column + width - self.width, 0)
         if any(more):
             require_room(self.height + more[0], self.width + more[1])
@@ -88,13 +94,13 @@ class Sketch:
 
 
 def require_room(height: int, width: int) -> None:
-    """Raise InputError for a drawing of more than _MAX_PIXELS."""
+    """Raise InputError if a drawing of this size would have more than _MAX_PIXELS."""
     if height * width > _MAX_PIXELS:
         raise InputError("does not fit into the picture", got=f"{width} x {height} pixels", expected="a smaller size")
 
 
 def is_light(color: Color) -> bool:
-    """Return whether black is readable on a colour, and white is not."""
+    """Return whether a colour is so light that black is more readable on it than white."""
     red, green, blue = color
     return 0.299 * red + 0.587 * green + 0.114 * blue > 0.5
 
@@ -106,7 +112,7 @@ def _colored(mask: UInt8, color: Color) -> UInt8:
 
 
 def _over(below: UInt8, above: UInt8) -> UInt8:
-    """Composite one picture over another, both in premultiplied RGBA of 8 bits."""
+    """Return the picture `above` composited over the picture `below`, both premultiplied RGBA, uint8 [h, w, 4]."""
     rest = 255 - above[..., 3:].astype(np.uint32)
     return np.asarray(above + (below * rest + 127) // 255, np.uint8)
 
@@ -120,16 +126,17 @@ def widen(mask: UInt8, rim: int) -> UInt8:
             weight = max(_RIM * (side - (down - rim) ** 2 - (across - rim) ** 2) // side, 0)
             part = padded[down : down + height, across : across + width]
             by_weight[weight] = np.maximum(by_weight.get(weight, part), part)
-    # Neighbours with the same weight are merged by their maximum first, as a multiplication is much slower than a
-    # comparison.
+    # The maximum of all neighbours with one weight is taken before it is weighted, because a multiplication is much
+    # slower than a comparison.
     scaled = [(np.arange(256) * weight // 255).astype(np.uint8)[part] for weight, part in by_weight.items()]
     return np.asarray(np.maximum.reduce(scaled))
 
 
 def grown(array: UInt8, before: int, after: int, across: int | None = None) -> UInt8:
-    """Return an array with zeros around it: `before` rows and columns before it, and `after` after it.
+    """Return an array with zeros around it.
 
-    across: the number of columns after it, if it differs from the number of rows.
+    before: the number of rows above the array, and of columns to its left. after: the number of rows below the array,
+    and of columns to its right. across: the number of columns to its right, if that differs.
     """
     more = before + (after if across is None else across)
     larger = np.zeros((len(array) + before + after, array.shape[1] + more, *array.shape[2:]), np.uint8)
@@ -138,11 +145,14 @@ def grown(array: UInt8, before: int, after: int, across: int | None = None) -> U
 
 
 def polygon(corners: Sequence[tuple[float, float]]) -> tuple[UInt8, int, int]:
-    """Return the mask of a convex polygon, and its first row and column; corners are (x, y) in pixels."""
+    """Return the mask of a convex polygon, uint8 [h, w], and the row and the column of the mask's first pixel.
+
+    corners: the corners (x, y) of the polygon, in pixels.
+    """
     points = np.array([[round(2 * _SAMPLES * part) for part in corner] for corner in corners])
     left, top = (points.min(axis=0) // (2 * _SAMPLES)).tolist()
     width, height = (points.max(axis=0) // (2 * _SAMPLES) + 1 - (left, top)).tolist()
-    # The centres of samples, in units of half a sample's width.
+    # x, y: the centres of the samples, in units of half a sample's width.
     x, y = (2 * _SAMPLES * first + 2 * np.arange(_SAMPLES * num) + 1 for first, num in ((left, width), (top, height)))
     sides = [
         (end[0] - start[0]) * (y[:, None] - start[1]) - (end[1] - start[1]) * (x - start[0])
@@ -154,9 +164,9 @@ def polygon(corners: Sequence[tuple[float, float]]) -> tuple[UInt8, int, int]:
 
 
 def draw_annotation(image: Float32, patches: Sequence[Patch]) -> None:
-    """Put patches over a picture in place: float32 [h, w, 4], premultiplied."""
+    """Put patches over a picture, which is changed in place. image: premultiplied RGBA, float32 [h, w, 4]."""
     for rgba, row, column in patches:
-        # The rim of an entry at the picture's edge may reach beyond it.
+        # The rim of an entry near the picture's edge may reach beyond the edge.
         top, left = max(-row, 0), max(-column, 0)
         part = image[row + top : row + len(rgba), column + left : column + rgba.shape[1]]
         above = rgba[top : top + part.shape[0], left : left + part.shape[1]]

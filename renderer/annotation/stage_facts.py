@@ -1,4 +1,4 @@
-"""Find the facts that an annotation shows: from a stage and its views to plain data."""
+"""Find the facts that an annotation shows, such as the unit of lengths and the colours of labels, from a stage."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
 from renderer.frame import FilmStage, Stage, view_of
 from renderer.scene import FilmScene, PictureKind, moving_numbers, moving_values
 
-# The number of samples of a transfer function along its bar.
+# The number of samples of a transfer function along its color bar.
 _NUM_BAR_SAMPLES = 256
 
 
 def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
-    """Return the facts of a stage that an annotation shows. kind: the kind of pictures, whose background is still."""
+    """Return the facts about a film that an annotation shows on all frames alike.
+
+    kind: the kind of the pictures, with a background that does not move.
+    """
     background, volumes = kind.background_at(0), [layer.volume for layer in stage.layers]
     axes = {volume.world_axes for volume in volumes}
     return AnnotationFacts(
@@ -30,7 +33,7 @@ def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
 
 
 def frame_facts(film: FilmScene, stage: Stage, frame: int, kind: PictureKind, psnr: float | None) -> FrameFacts:
-    """Return the facts of a frame that an annotation shows.
+    """Return the facts about a frame that an annotation shows.
 
     film: the scene of the whole film. stage: the stage of the frame. kind: the kind of the picture.
     psnr: the PSNR of the frame in decibels, if it was measured.
@@ -60,7 +63,7 @@ def length_unit(stage: FilmStage) -> str:
 
 
 def _bars(stage: Stage) -> Iterator[ColorBar]:
-    """Yield the colours of each transfer function over the range of its control points."""
+    """Yield the color bar of each layer that has one: its transfer function over the range of its control points."""
     for number, layer in enumerate(stage.layers):
         mapping = layer.spec.transfer_function
         if mapping.labels is not None or layer.spec.volume.has_colors:
@@ -85,9 +88,9 @@ def _bars(stage: Stage) -> Iterator[ColorBar]:
 
 
 def _legend(stage: Stage) -> Iterator[tuple[str, tuple[float, float, float]]]:
-    """Yield the names and colours of labels, and of volumes without labels.
+    """Yield the names and colours in a legend: of labels and, if there are several volumes, of volumes without labels.
 
-    A volume has the colour in its layer, or the colour at its largest extinction.
+    A volume has the colour that its layer states, or the colour at its largest extinction.
     """
     for layer in stage.layers:
         labels = layer.spec.transfer_function.labels

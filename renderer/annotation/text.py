@@ -19,19 +19,20 @@ from renderer.scene import read_bounded, require_file
 from renderer.system import printable
 from renderer.volume import UInt8
 
-# The most bytes of a font's file.
+# The largest size of the file of a font, in bytes.
 MAX_FONT_BYTES = 2**25
 # The font that comes with hsplat.
 _OWN_FONT = Path(__file__).with_name("fonts") / "DejaVuSans.ttf"
-# Letters with ascenders. Every line has room above for these letters, so that lines of one size have one height.
+# Letters that reach high above the baseline. Every line has room for these letters, so that lines of one size have one
+# height.
 _TALL = "Hdl"
-# Letters with descenders. Every line has room below for these letters.
+# Letters that reach below the baseline. Every line has room for these letters.
 _DEEP = "gpq"
 # A code point that will never be a character, and for which no font has a glyph.
 _NO_CHARACTER = "\U0010ffff"
-# The most characters of a line. The remainder is not drawn.
+# The largest number of characters of a line of text. Further characters are not drawn.
 _LONGEST = 300
-# The number of drawn lines that a font keeps.
+# The number of drawn lines that a font keeps, so that they are not drawn again.
 _KEPT_LINES = 32
 
 
@@ -43,10 +44,13 @@ class Line(NamedTuple):
 
 
 class Font:
-    """A font in any size. line: the function `_line` with a cache of the last lines."""
+    """A font, which draws lines of text in any size.
+
+    line: a function that draws a line, as `_line` does, and keeps the last drawn lines.
+    """
 
     def __init__(self, file: Path | None) -> None:
-        """Read a font; without a file, the font that comes with hsplat. Raises InputError if that fails."""
+        """Read a font; without a file, the font that comes with hsplat. Raises InputError if it cannot be read."""
         file = file or _OWN_FONT
         require_file(file, "a font")
         self._file, self._content = file, read_bounded(file, MAX_FONT_BYTES, "a font")
@@ -55,9 +59,10 @@ class Font:
         self.line(_TALL, 9)
 
     def _line(self, text: str, px: int) -> Line:
-        """Return a line of text whose em is `px` pixels high. Unprintable characters are escaped.
+        """Return a drawn line of text. Unprintable characters are escaped.
 
-        Raises InputError for characters that the font lacks, and for a file that is no font.
+        px: the size of the font (its em), in pixels. Raises InputError for characters that the font lacks, and for a
+        file that is no font.
         """
         from PIL import Image, ImageDraw
 
@@ -83,6 +88,6 @@ class Font:
         return ImageFont.truetype(BytesIO(self._content), px, layout_engine=ImageFont.Layout.BASIC)
 
     def _has_glyph(self, character: str) -> bool:
-        """Return whether a character has a glyph of its own."""
+        """Return whether the font has a glyph for a character."""
         glyph, none = (self._sized(32).getmask(each) for each in (character, _NO_CHARACTER))
         return character.isspace() or (glyph.size, bytes(glyph)) != (none.size, bytes(none))

@@ -9,7 +9,7 @@ drawing under temporary names and renames them at the end. `locked_output` keeps
 - `decode.py`: the pictures of a film
 - `quantization.py`: float images over a background, rounded to whole numbers
 - `picture.py`: a finished frame, as pixels or as a file
-- `png.py`, `exr.py`: the file formats of frames
+- `png.py`, `exr.py`: the formats of files with one picture
 - `atomic.py`: files under temporary names, renamed at the end
 - `names.py`: the names of frames, sidecars and folders for unfinished work
 - `lock.py`: locks by which one job at a time writes an output

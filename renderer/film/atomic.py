@@ -38,7 +38,7 @@ def staging(*, is_durable: bool = True) -> Iterator[StageFile]:
 
     def stage(path: Path, folder: Path | None = None) -> Path:
         temporary = _temporary_path(path, folder)
-        staged.append((temporary, path))  # before the file exists: an interrupt may come at any time
+        staged.append((temporary, path))  # before the file is made, as an interrupt may come at any time
         _create(temporary, path, folder)
         return temporary
 
@@ -59,7 +59,10 @@ def staging(*, is_durable: bool = True) -> Iterator[StageFile]:
 
 @contextlib.contextmanager
 def staged_files(folder: Path | None = None, *, is_durable: bool = True) -> Iterator[Callable[[Path, bytes], None]]:
-    """Yield a function that writes whole files, which get their names after the block. See `staging`."""
+    """Yield a function that writes the content of a file. After the block, all files get their final names.
+
+    folder, is_durable, and what happens when the block raises: as in `staging`.
+    """
     with staging(is_durable=is_durable) as stage:
 
         def write(path: Path, content: bytes) -> None:
@@ -70,7 +73,11 @@ def staged_files(folder: Path | None = None, *, is_durable: bool = True) -> Iter
 
 
 def write_staged(path: Path, content: bytes, folder: Path | None = None, *, is_durable: bool = True) -> None:
-    """Write one file, whole or not at all. See `staging`."""
+    """Write one file, whole or not at all.
+
+    folder: an existing folder for the temporary file, on the disk of the path; None for the folder of the path.
+    is_durable: whether to wait until the file is on the disk before it gets its final name.
+    """
     with staged_files(folder, is_durable=is_durable) as write:
         write(path, content)
 
@@ -85,7 +92,10 @@ def sync_to_disk(descriptor: int) -> None:
 
 
 def require_writable(path: Path, folder: Path | None = None) -> None:
-    """Make the folder of `path`, and raise as `staging` does unless a file can be written there or in `folder`."""
+    """Make the folder of `path`, and raise InputError or RenderError unless the file `path` can be written.
+
+    folder: the folder in which the file will be written under a temporary name; None for the folder of the path.
+    """
     temporary = _temporary_path(path, folder)
     try:
         _create(temporary, path, folder)
@@ -98,10 +108,10 @@ def require_writable(path: Path, folder: Path | None = None) -> None:
 
 
 def require_writable_dry_run(path: Path) -> None:
-    """Raise the error of `require_writable`, if it can be known without making a folder or a file."""
+    """Raise InputError or RenderError if `path` cannot be written. No file or folder is made to find this out."""
     with translate_os_errors(path):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-            path.lstat()  # fails for a name that is too long
+            path.lstat()  # raises an error if the name is too long
         _require_replaceable(path)
         folder = _nearest_existing_parent(path)
         if not folder.is_dir():  # it may be a broken link
@@ -127,7 +137,7 @@ def translate_os_errors(path: Path) -> Iterator[None]:
 
 
 def output_error(error: OSError, path: Path) -> HsplatError:
-    """Return the error for the user, for an OSError while writing `path`."""
+    """Return the error that tells the user of an OSError while `path` was written."""
     where = str(path)
     if isinstance(error, IsADirectoryError):
         return InputError("the output is a folder", where=where, expected="the name of a file")
@@ -158,9 +168,10 @@ def remove_temporaries(folder: Path) -> None:
 
 # The names of temporary files, as `_temporary_path` makes them.
 _TEMPORARY_PATTERN = re.compile(r"\..+\.partial-[0-9a-f]{8}", re.DOTALL)
-# The hint of several errors.
+# The hint of errors about a folder in which no file can be made.
 _ANOTHER_FOLDER = "choose another folder for the output"
-# Folders of the kernel, in which nobody can make files, although `os.access` says that the superuser can.
+# The folders of the operating system's kernel. Nobody can make files in them, although `os.access` says that the
+# superuser can.
 _KERNEL_MOUNTS = (Path("/proc"), Path("/sys"))
 
 

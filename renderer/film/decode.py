@@ -23,12 +23,12 @@ from renderer.film.stream_tail import StreamTail
 from renderer.scene import OutputFile, counted, format_of, require_file
 from renderer.system import join_lines
 
-# The filter of ffmpeg's most exact conversion to RGB, which is the same on every processor; the fast one makes all
-# pixels about one step of 255 darker. The chroma position is H.264's default, left, as in encode.py.
+# The filter of ffmpeg's most exact conversion to RGB, which is the same on every processor. The fast conversion would
+# make all pixels about one step of 255 darker. The chroma position is H.264's default, left, as in encode.py.
 _TO_RGB = "scale=in_h_chr_pos=0:flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format={0}"
-# The number of first bytes of a film that show its format and its encoder.
+# The number of bytes at the beginning of a film that show its format and its encoder.
 _HEADER_BYTES = 2**14
-# The pixels by which decoders may pad each side, to whole blocks and vectors.
+# Decoders may pad each side of a picture by up to this number of pixels, to whole blocks and vectors.
 _PADDING_PX = 64
 
 
@@ -36,8 +36,8 @@ _PADDING_PX = 64
 def decode_known_film(output: OutputFile, num_frames: int) -> Iterator[Iterator[Pixels]]:
     """Decode the frames of a film whose size, kind of pictures and number of frames are known, in order.
 
-    Only reading it to the end shows whether frames are missing. Raises InputError as `decode_film`, and for another
-    size or number of frames.
+    Only reading the film to its end shows whether frames are missing. Raises InputError as `decode_film` does, and for
+    another size or number of frames.
     """
     width, height = output.size
     max_pixels = (width + _PADDING_PX) * (height + _PADDING_PX)
@@ -60,7 +60,10 @@ def _known_frames(frames: Iterator[Pixels], output: OutputFile, num_frames: int)
 
 
 def count_film_frames(path: Path, max_pixels: int) -> int:
-    """Decode a film and return its number of frames. Raises InputError as `decode_film`."""
+    """Decode a film and return its number of frames. Raises InputError as `decode_film` does.
+
+    max_pixels: the largest allowed number of pixels in a frame.
+    """
     with decode_film(path, max_pixels) as frames:
         return sum(1 for _ in frames)
 
@@ -69,10 +72,11 @@ def count_film_frames(path: Path, max_pixels: int) -> int:
 def decode_film(
     path: Path, max_pixels: int, *, known: tuple[OutputFile, int] | None = None
 ) -> Iterator[Iterator[Pixels]]:
-    """Decode the frames of a film in order: [h, w, 4], or [h, w, 3] for codecs without alpha.
+    """Yield an iterator over the frames of a film in order: [h, w, 4], or [h, w, 3] for codecs without alpha.
 
-    known: the output of the film, and its number of frames. Without it, pictures have 8 bits, and equal consecutive
-        frames of a WebP come once. ffmpeg ends with the block.
+    The process of ffmpeg that decodes them ends with the block.
+    known: the output of the film, and its number of frames. If it is None, pictures have 8 bits, and equal consecutive
+        frames of a WebP come once.
 
     Raises InputError if the file has another format than its suffix, is cut off, cannot be decoded to its end, or has
     frames with more than `max_pixels`, which ffmpeg refuses before it allocates them; RenderError without ffmpeg. Not
@@ -92,10 +96,10 @@ def decode_film(
 def _arguments(path: Path, begin: bytes, max_pixels: int, known: tuple[OutputFile, int] | None) -> list[str]:
     """Return the arguments of ffmpeg. begin: the first bytes of the film."""
     file_format, codecs = format_of(path), tuple(format_of(path).codecs.values())
-    # The first bytes may show the encoder; otherwise, it is the default one of the format.
+    # The first bytes may show the encoder. If they do not, the film is taken to be of the format's default encoder.
     codec = next((codec for codec in codecs if any(mark in begin for mark in codec.marks)), codecs[0])
     still = _still_demuxer(begin)
-    # The format is fixed, as other formats may refer to further files. PAM has the size of each picture.
+    # ffmpeg is told the format, as films of other formats may refer to further files.
     source = ["-protocol_whitelist", "file", "-f", still or file_format.demuxer, "-max_pixels", str(max_pixels)]
     source += [] if codec.decoder is None else ["-c:v", codec.decoder]
     has_alpha = bool(codec.with_alpha) or file_format.filters == "palette"
@@ -145,7 +149,7 @@ def _frames(
             yield np.frombuffer(content, dtype).astype(dtype.newbyteorder("="), copy=False).reshape(shape)
     status = process.wait()
     messages = stderr_tail.lines()
-    if status != 0 or messages or not is_whole:  # the exit status is 0 after some errors
+    if status != 0 or messages or not is_whole:  # the exit status of ffmpeg is 0 after some errors
         got = join_lines(messages) or f"exit status {status} of ffmpeg and no message"
         raise InputError("the film cannot be decoded", where=str(path), got=got)
 

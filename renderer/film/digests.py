@@ -9,12 +9,12 @@ from typing import Any
 
 from renderer.scene import PictureKind
 
-# The number of bytes of a file that are read at once.
+# A file is read in blocks of this many bytes.
 _BLOCK_BYTES = 2**20
 
 
 def bytes_digest(content: bytes) -> str:
-    """Return the digest of bytes."""
+    """Return the digest of some bytes: 32 hexadecimal digits."""
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 

@@ -33,11 +33,11 @@ _TO_PALETTE = (
     "split[pictures][samples];[samples]palettegen=stats_mode=single:reserve_transparent=0[palettes];"
     "[pictures][palettes]paletteuse=new=1:dither=sierra2_4a"
 )
-# The filter that splits RGBA into two films, as AVIF has alpha as a second, grey film.
+# The filter that splits RGBA into a film of colours and a grey film of alpha, as AVIF stores alpha as a second film.
 _TO_PLANES = "[0:v]split[all][same];[all]{0}[colors];[same]alphaextract,format=gray,setparams=range=full:{1}[alpha]"
-# The colour tags of grey films.
+# The tags in a film about its colour space, for the grey film of alpha in an AVIF.
 _GREY_COLORS = "color_primaries=bt709:color_trc=bt709:colorspace=bt709"
-# The shortest delay of a GIF's frame, in hundredths of a second. Browsers show shorter delays as 10.
+# The shortest delay of a GIF's frame, in hundredths of a second. Browsers show a frame with a shorter delay for 10.
 _SHORTEST_GIF_DELAY_CS = 2
 # The longest delay of a GIF's frame, in hundredths of a second: the largest number of 16 bits.
 _LONGEST_GIF_DELAY_CS = 65535
@@ -71,16 +71,17 @@ def frame_rate(output: OutputFile) -> Fraction:
     """Return the frame rate of a film: the possible rate of its format that is nearest to the requested one."""
     if output.format.ticks_per_second:
         return Fraction(100, gif_delay_cs(output.frames_per_second))
-    # A few decimals are enough to find television's fractions of 1001; rates with two decimals stay exact.
+    # 29.97 becomes 30000/1001, as in television's rates, and other rates with two decimals stay exact.
     return Fraction(output.frames_per_second).limit_denominator(1001)
 
 
 @contextlib.contextmanager
 def open_encoder(output: OutputFile, file: Path) -> Iterator[Callable[[Pixels], None]]:
-    """Run ffmpeg, and yield a function that encodes a picture of the output's kind; `file` is complete after the block.
+    """Run ffmpeg, and yield a function that encodes one more picture. The film is complete after the block.
 
-    output: the output, whose `file` is the final name for messages. Raises RenderError with the end of ffmpeg's
-    messages if it cannot start, stops early or fails. At the end of the block, ffmpeg has ended in any case.
+    output: the output whose settings the film has; its `file` is the final name, for messages. file: the file to write.
+    Raises RenderError with the end of ffmpeg's messages if it cannot start, stops early or fails. At the end of the
+    block, ffmpeg has ended in any case.
     """
     arguments, name = _arguments(output, file), output.file
     process = start_ffmpeg(arguments, name, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
@@ -104,7 +105,7 @@ def open_encoder(output: OutputFile, file: Path) -> Iterator[Callable[[Pixels], 
     finally:
         process.kill()
         process.wait()
-        with contextlib.suppress(OSError):  # buffered bytes are lost
+        with contextlib.suppress(OSError):  # ffmpeg is gone and cannot take bytes that are still in the buffer
             pictures.close()
 
 
@@ -122,7 +123,7 @@ def _arguments(output: OutputFile, file: Path) -> list[str]:
     raw = {8: ("rgb24", "rgba"), 16: ("rgb48le", "rgba64le")}[output.kind.depth][output.background is None]
     source = ["-f", "rawvideo", "-pix_fmt", raw, "-video_size", f"{width}x{height}"]
     source += ["-framerate", str(frame_rate(output))]
-    # `file:` protects names with a colon or a leading dash.
+    # With `file:` before it, ffmpeg takes a name with a colon or a leading dash as a name.
     general = ["-hide_banner", "-nostdin", "-loglevel", "error", "-y", "-filter_threads", "1"]
     return [*general, *source, "-i", "pipe:0", *encoder_options(output), f"file:{file}"]
 

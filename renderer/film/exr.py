@@ -13,7 +13,8 @@ from renderer.errors import require_package
 
 # The first bytes of an EXR file.
 EXR_BEGIN = b"v/1\x01"
-# The comment in the header about the meaning of the numbers, as EXR files of other programs are scene-linear.
+# The comment in the header of EXR files about the meaning of their numbers: other programs expect scene-linear colours,
+# which are in proportion to light.
 _COMMENTS = (
     "hsplat: display-referred colours as composited, 1 is white, neither rounded nor clipped; not scene-linear. "
     "Alpha, where there is one, is 1 minus transmittance, and colours are multiplied by it."

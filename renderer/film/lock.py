@@ -25,26 +25,26 @@ from renderer.scene import OutputSpec, place_of
 
 # The name of the lock file in a folder for unfinished work.
 _LOCK_FILE = "lock"
-# The content of a lock file: the job that wrote it.
+# The content of a lock file: the process and the machine of the job that wrote it.
 _OWNER_PATTERN = re.compile(rb"process [0-9]+ on .+", re.DOTALL)
-# The most bytes of a lock file's content.
+# The largest number of bytes that are read of a lock file's content.
 _MAX_OWNER_BYTES = 200
-# The byte of a lock file that is its gate. A job locks it while it enters or leaves, so that no job is refused because
-# of another that is just leaving.
+# The position of the byte in a lock file that is the gate. A job locks this byte while it locks or unlocks its slots,
+# so that no job is refused because another job is just leaving.
 _GATE_BYTE = 0
-# The byte of a lock file that is slot 0. Each further slot is the next byte.
+# The position of the byte in a lock file that is slot 0, the lock of frame 0. Each further slot is the next byte.
 _FIRST_SLOT_BYTE = 1
-# The command that sets a lock. Locks of an open file exclude other threads of this process, too, as each opens the file
-# itself. POSIX locks, for systems without them, belong to the process. Both work over NFS, and need no bytes in the
-# file.
+# The command of `fcntl` that sets a lock. Locks of an open file (OFD) exclude other threads of this process, too, as
+# each thread opens the file itself. On systems without OFD locks, POSIX locks are used, which belong to the process.
+# Both kinds work over NFS, and on bytes beyond the end of the file.
 _SET_LOCK = getattr(fcntl, "F_OFD_SETLK", fcntl.F_SETLK)
-# The command that waits for a lock.
+# The command of `fcntl` that waits for a lock, and sets it.
 _WAIT_FOR_LOCK = getattr(fcntl, "F_OFD_SETLKW", fcntl.F_SETLKW)
 
 
 @contextlib.contextmanager
 def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
-    """Lock all files of an output that show any of the frames; yield the first file's folder for unfinished work.
+    """Lock all files of an output that show any of the frames; yield the folder for unfinished work of the first file.
 
     After the block, folders for unfinished work are removed if they are empty. Raises OutputLockedError if another job
     is writing one of the files; InputError or RenderError if a file cannot be written.
@@ -66,9 +66,10 @@ def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> I
 
 @contextlib.contextmanager
 def locked_files(files: Iterable[Path]) -> Iterator[None]:
-    """Lock files that have no folder for unfinished work, each by a hidden file beside it; raises as `lock_slots`.
+    """Lock files that have no folder for unfinished work, each by a hidden lock file beside it.
 
-    Missing folders are made, and removed at the end if they are still empty.
+    Missing folders are made, and removed at the end if they are still empty. Raises OutputLockedError if another job
+    has locked one of the files, and InputError or RenderError as `lock_slots` does.
     """
     files = sorted(files, key=place_of)
     made = dict.fromkeys(each for file in files for each in file.parents if not os.path.lexists(each))
@@ -85,11 +86,12 @@ def locked_files(files: Iterable[Path]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def lock_slots(folder: Path, slots: Sequence[int], output: Path, *, shared_file: str | None = None) -> Iterator[None]:
-    """Lock ascending slots, one for each frame, of a folder for unfinished work, which is made if it is missing.
+    """Lock slots of a folder for unfinished work until the end of the block. A missing folder is made.
 
-    Jobs without a common slot do not exclude each other. The last job to leave removes the temporary files of killed
-    jobs, and the folder if it is empty; otherwise the lock file stays and shows that hsplat made the folder. On a file
-    system without locks, no job is excluded.
+    slots: ascending numbers. Each stands for a frame; a film in one file has slot 0 alone. Jobs without a common slot
+    do not exclude each other. The last job to leave removes the temporary files of killed jobs, and the folder if it is
+    empty; otherwise the lock file stays and shows that hsplat made the folder. On a file system without locks, no job
+    is excluded.
 
     output: the name of the output, for messages. shared_file: the name of the lock file, for a folder that also holds
     other files, which stay. Raises OutputLockedError if another job holds one of the slots; InputError if something
@@ -137,7 +139,7 @@ def _is_own_folder(folder: Path) -> bool:
 
 
 def _read_note(file: Path) -> bytes | None:
-    """Return the first bytes of a lock file, where a job writes its process and its machine; None without a file."""
+    """Return the first bytes of a lock file, where a job writes its process and its machine; None if it is missing."""
     with contextlib.suppress(FileNotFoundError):
         _require_regular(file)
         with file.open("rb") as stream:
@@ -172,7 +174,10 @@ def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
 
 
 def _open(file: Path) -> int:
-    """Open or make a lock file. Raises FileNotFoundError without its folder, InputError if the path is not a file."""
+    """Open a lock file, or make it, and return its descriptor.
+
+    Raises FileNotFoundError if the folder is missing, and InputError if the path is something else than a file.
+    """
     flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
     while True:
         with contextlib.suppress(FileNotFoundError):
@@ -192,7 +197,10 @@ def _require_regular(file: Path) -> None:
 
 
 def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
-    """Permit all users who may write in the folder to lock the file, as it stays if its maker is killed."""
+    """Permit all users who may write in the folder to lock the file, as the file stays if its job is killed.
+
+    descriptor: of the lock file, which this user has just made.
+    """
     with contextlib.suppress(OSError):  # some file systems have no owners
         status = folder.stat()
         for owner in (-1, status.st_uid):  # a superuser also gives the file to the owner of the folder
@@ -205,7 +213,7 @@ def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
 
 
 def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
-    """Lock slots, and unlock the gate; raises OutputLockedError if another job holds one of them."""
+    """Lock slots of an open lock file, and unlock its gate. Raises OutputLockedError if another job holds a slot."""
     for start, stop in consecutive_ranges(slots):
         if _lock(descriptor, _FIRST_SLOT_BYTE + start, stop - start) is False:
             raise OutputLockedError(

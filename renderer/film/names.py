@@ -13,14 +13,14 @@ from renderer.scene import FRAME_FIELD, FilmScene, OutputFile
 # The suffix of the folders for unfinished work.
 UNFINISHED_SUFFIX = ".unfinished"
 
-# A field that is probably meant as FRAME_FIELD, well-formed or not, in a name that is not checked yet.
+# A part of a file name in braces that is probably meant as the field for the frame's number, even if it is malformed.
 ANY_FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
 
 
 def frame_path(template: Path, frame: int) -> Path:
     """Return the path of one frame's file: the number replaces `{frame}` or `{frame:04}` in the template.
 
-    Other braces and formats stay part of the name, as some formats are invalid or ask for gigabytes.
+    Fields with other formats stay part of the name, as some are invalid or would make names of gigabytes.
     """
     return Path(FRAME_FIELD.sub(lambda field: field.group().format(frame=frame), str(template)))
 
@@ -82,8 +82,8 @@ def unfinished_folder(output: OutputFile) -> Path:
 def film_path_of_sidecar(sidecar: Path, recorded: Path) -> Path:
     """Return the path of the output of a sidecar, by the sidecar's name and folder.
 
-    It is `engine.mp4` for `engine.mp4.json` and for `engine.json`. recorded: the path in the sidecar, which has the
-    template of numbered frames.
+    It is `engine.mp4` for `engine.mp4.json` and for `engine.json`. recorded: the path of the output in the sidecar; a
+    template for numbered frames.
     """
     if ANY_FRAME_FIELD.search(recorded.name) or not recorded.suffix:
         return sidecar.with_name(recorded.name) if recorded.name else recorded
@@ -92,6 +92,6 @@ def film_path_of_sidecar(sidecar: Path, recorded: Path) -> Path:
 
 
 def picture_files(output: OutputFile, frames: Sequence[int]) -> Iterator[Path]:
-    """Yield the file of a film, or the files of the frames that a numbered output shows."""
+    """Yield the only file of an output or, for a numbered output, the file of each of these frames that it shows."""
     shown = [frame for frame in frames if output.shows(frame)]
     return (frame_path(output.file, frame) for frame in (shown if output.is_numbered else shown[:1]))

@@ -22,8 +22,8 @@ Pixels = npt.NDArray[Any]
 class Picture:
     """A read-only picture, made from its pixels or from a file: EXR for floats, else PNG.
 
-    pixels: the pixels, as `quantize` returns them. content: the content of the file. file: the path of the file, which
-    is read on demand. One of the three is given.
+    It is made of exactly one of these. pixels: the pixels, as `quantize` returns them. content: the content of the
+    file. file: the path of the file, which is read on demand.
     """
 
     def __init__(self, pixels: Pixels | None = None, *, content: bytes | None = None, file: Path | None = None) -> None:
@@ -44,7 +44,7 @@ class Picture:
 
     @cached_property
     def content(self) -> bytes:
-        """Return the content of the file. Raises RenderError where it cannot be read."""
+        """Return the picture as the content of a PNG or EXR file. Raises RenderError if its file cannot be read."""
         if self._file is None:
             return encode_exr(self.pixels) if self.pixels.dtype == np.float32 else encode_png(self.pixels)
         with translate_os_errors(self._file):
@@ -52,14 +52,17 @@ class Picture:
 
 
 def picture_layout(content: bytes) -> tuple[tuple[int, int, int], int]:
-    """Return (height, width, channels) and depth of the picture in a file; raises ValueError with the fault."""
+    """Return (height, width, channels) of the picture in a PNG or EXR file, and its bits a channel.
+
+    content: the content of the file. Raises ValueError with the fault if the file is damaged.
+    """
     if content.startswith(EXR_BEGIN):
         return decode_exr(content).shape, 32
     return png_layout(content)
 
 
 def over_black(pixels: Pixels) -> npt.NDArray[np.float64]:
-    """Return pixels as float64 in [0, 1], composited over black, with their alpha if they have any.
+    """Return pixels as float64 in [0, 1], composited over black. Pixels with alpha keep it as the fourth channel.
 
     pixels: of any depth, [..., 3] or [..., 4].
     """

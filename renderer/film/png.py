@@ -18,18 +18,20 @@ import numpy.typing as npt
 from PIL.PngImagePlugin import PngImageFile
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-# The colour type by the number of channels: 2 for RGB, 6 for RGB with straight alpha.
+# PNG's code of the colour type, by the number of channels: 2 for RGB, 6 for RGB with straight alpha.
 _COLOR_TYPES = {3: 2, 4: 6}
-# The filter that stores the difference to the byte above, which suits smooth shading on an even background.
+# PNG's code of the filter Up, which stores each byte as the difference from the byte above it. It suits smooth shading
+# on an even background.
 _FILTER_UP = 2
 # The compression level of zlib, its fastest.
 _LEVEL = 1
 
-# The largest ratio of decompressed to compressed bytes of deflate: 258 bytes from two bits (RFC 1951, 3.2.5).
+# The largest ratio of decompressed to compressed bytes of deflate, the compression of PNG: 258 bytes from two bits (RFC
+# 1951, 3.2.5).
 _MAX_DEFLATE_RATIO = 258 * 4
 
-# The most chunks of a file, as empty chunks cost time and memory, too. Encoders write chunks of 8 KiB or more, so that
-# this allows half a gigabyte.
+# The largest number of chunks in a PNG file that is read, as even empty chunks cost time and memory. Encoders write
+# chunks of 8 KiB or more, so that this allows half a gigabyte.
 _MAX_CHUNKS = 2**16
 
 
@@ -118,9 +120,9 @@ def _decode_16_bits(png: bytes, shape: tuple[int, int, int]) -> npt.NDArray[np.u
 
 
 def png_layout(content: bytes) -> tuple[tuple[int, int, int], int]:
-    """Return (height, width, channels) and depth of the picture in a file from `encode_png`; all checksums are checked.
+    """Return (height, width, channels) of the picture in a file from `encode_png`, and its bits a channel.
 
-    Raises ValueError with the fault if the file is damaged.
+    All checksums are checked. Raises ValueError with the fault if the file is damaged.
     """
     header = png_chunks(content)[0][1]
     if len(header) != struct.calcsize(">IIBBBBB"):

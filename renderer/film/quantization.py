@@ -16,10 +16,11 @@ _BLACK = (0.0, 0.0, 0.0)
 
 
 def quantize(image: npt.NDArray[np.float32], background: Background, depth: int = 8) -> Pixels:
-    """Composite over `background`, clip to [0, 1], scale to 255, or 65535, and round half up.
+    """Return an image composited over `background`, clipped to [0, 1], scaled to 255 or 65535, and rounded half up.
 
     image: float32 [h, w, 4], premultiplied RGBA.
-    background: the colours behind the image, or None for a transparent picture. depth: the bits of a PictureKind.
+    background: the colours behind the image, or None for a transparent picture.
+    depth: the bits of a channel: 8 or 16 for whole numbers, 32 for floats.
     Returns uint8 or uint16 [h, w, 3]; without a background [h, w, 4] with straight (not premultiplied) alpha, and
     colour 0 where the rounded alpha is 0. For a depth of 32, returns float32, neither clipped nor rounded, with
     premultiplied alpha. Raises RenderError for a value that is not finite.
@@ -68,7 +69,11 @@ def over_background(radiance: npt.NDArray[np.floating[Any]], background: Backgro
 def over_rows(
     radiance: npt.NDArray[np.floating[Any]], behind: npt.NDArray[np.floating[Any]]
 ) -> npt.NDArray[np.float64]:
-    """Return `over_background` for rows of pixels, [n, w, 4], with a background colour for each row, [n, 3]."""
+    """Return rows of a picture composited over a background and clipped to [0, 1], not rounded, float64 [n, w, 3].
+
+    radiance: [n, w, 4], premultiplied RGBA. behind: [n, 3], the background's colour in each row. Raises RenderError for
+    a value that is not finite.
+    """
     require_finite(radiance)
     picture = np.empty((*radiance.shape[:2], 3))
     transparency = 1 - radiance[..., 3].astype(np.float64)
@@ -90,7 +95,7 @@ def reduce_radiance(image: npt.NDArray[np.float32], factor: int) -> npt.NDArray[
 
 
 def require_finite(image: npt.NDArray[np.floating[Any]]) -> None:
-    """Raise RenderError, with the first such pixel, if an image [h, w, channels] has values that are not finite."""
+    """Raise RenderError if an image [h, w, channels] has values that are not finite; it names the first such pixel."""
     finite = np.isfinite(image)
     if finite.all():
         return

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 def consecutive_ranges(numbers: Iterable[int]) -> list[tuple[int, int]]:
-    """Return ascending numbers as half-open ranges (first, end) without gaps."""
+    """Return ascending numbers as ranges without gaps: pairs of the first number, and the number after the last one."""
     found: list[tuple[int, int]] = []
     for number in numbers:
         if found and found[-1][1] == number:

@@ -6,9 +6,9 @@ import os
 import threading
 from typing import IO
 
-# The number of last bytes that are kept.
+# The number of bytes at the end of a stream that are kept.
 _NUM_BYTES = 2000
-# The seconds to wait for the end of the stream. It ends with its writer, unless another process has it open, too.
+# The seconds to wait for the end of a stream after its writer has ended. Another process may hold the stream open.
 _MAX_WAIT_S = 1.0
 
 
@@ -26,7 +26,7 @@ class StreamTail:
                 self._tail = (self._tail + block)[-_NUM_BYTES:]
 
     def lines(self) -> list[str]:
-        """Return the last lines that are not empty. To be called after the writer has ended."""
+        """Return the last lines of the stream that are not empty. Call it only after the writer has ended."""
         self._thread.join(_MAX_WAIT_S)
         lines = self._tail.decode("utf-8", "replace").splitlines()
         return [line.strip() for line in lines if line.strip()]

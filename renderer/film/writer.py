@@ -12,7 +12,8 @@ from renderer.film.names import frame_path, unfinished_folder
 from renderer.film.picture import Picture
 from renderer.scene import OutputFile, OutputSpec, PictureKind
 
-# A function that writes a frame, given its number and its pictures by the indices of their kinds.
+# A function that writes a frame. It takes the number of the frame, and a mapping from the index of each kind of picture
+# to the frame's picture of that kind.
 WriteFrame = Callable[[int, Mapping[int, Picture]], None]
 
 
@@ -38,9 +39,9 @@ def open_films(
     Files get their final names at the end of the block, one by one, when all are written. If the block raises, nothing
     is written. Films wait for the disk before they are renamed. Frames in files do not, as their digests show damage.
 
-    kinds: the kinds of pictures of an OutputSpec. is_locked: whether the outputs have folders for unfinished work, for
-    incomplete files; otherwise these lie beside the outputs. before_rename: called when everything is written, before
-    files get their final names.
+    kinds: the kinds of pictures of an OutputSpec. is_locked: whether the outputs have folders for unfinished work, in
+    which incomplete files lie; otherwise they lie beside the outputs. before_rename: a function that is called when
+    everything is written, before files get their final names.
     """
     films = [each for each in outputs if not each.is_frames]
     folders = {each.file: unfinished_folder(each) if is_locked else None for each in outputs}

@@ -19,7 +19,7 @@ from renderer.errors import InputError
 from renderer.film.names import UNFINISHED_SUFFIX, picture_files, unfinished_folder
 from renderer.scene import OutputSpec, place_name, place_of
 
-# The hint of all errors.
+# The hint of every error that refuses an output.
 _HINT = "give the output another name or folder"
 
 
@@ -38,7 +38,7 @@ class WrittenFiles:
         return WrittenFiles((*self.files, *other.files), (*self.folders, *other.folders))
 
     def all_files(self) -> Iterator[Path]:
-        """Yield the files, and all files that are now in the folders."""
+        """Yield the files of the list, and all files that are now in its folders for unfinished work."""
         yield from self.files
         for folder in self.folders:
             yield from folder_files(folder)
@@ -53,7 +53,7 @@ class WrittenFiles:
 
 
 def film_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> WrittenFiles:
-    """Return the files of a job that draws frames: pictures, sidecar, and unfinished work."""
+    """Return the list of files that a job writes to draw these frames: pictures, sidecar, and unfinished work."""
     pictures = chain.from_iterable(picture_files(each, frames) for each in output.files)
     folders = dict.fromkeys(unfinished_folder(each) for each in output.files)
     return WrittenFiles((*pictures, sidecar), (*folders,))
@@ -80,7 +80,9 @@ def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
 
 
 def _require_different_places(files: Iterable[Path]) -> None:
-    """Raise InputError if two paths are one file, or a file is the folder of another, or lies in unfinished work."""
+    """Raise InputError if two paths are one file, if a file is the folder of another one, or if a file lies in a folder
+    for unfinished work.
+    """
     place_of_folder = cache(place_of)  # thousands of frames share a folder
     known, folders = dict[str, Path](), dict[str, Path]()
     for file in files:
@@ -107,7 +109,7 @@ def _refuse(what: str, output: Path, got: str, expected: str) -> NoReturn:
 def _mark(path: Path) -> tuple[int, int] | None:
     """Return the device and inode number of a file, which all links to it share; None if it does not exist.
 
-    `missing/../film.mp4` exists if `film.mp4` does, as folders of outputs will be made.
+    `missing/../film.mp4` counts as existing if `film.mp4` does, as the missing folders of outputs will be made.
     """
     try:
         status = os.stat(path)

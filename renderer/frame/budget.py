@@ -23,37 +23,39 @@ from renderer.frame.primitives import LOD, TYPICAL_CELL_SECONDS, make_primitive
 from renderer.frame.stage import Clock, FilmStage, Stage, Stopwatch
 from renderer.scene import tolerance_at
 
-# The seconds to write a frame that are assumed until the first frame is written.
+# The seconds that writing a frame is assumed to take until the first frame is written.
 _TYPICAL_WRITING = 2e-3
-# The number of last frames whose median shows the current speed of the machine.
+# The number of the last frames of a film from which the present speed of the machine is found, as a median.
 _NUM_RECENT = 9
-# The fewest trial drawings. A single size would not show how seconds grow with the size.
+# The smallest number of trial drawings. A single size would not show how seconds grow with the size.
 _MIN_TRIALS = 3
 
-# The share of the allowed time that a frame is meant to take.
+# The share of its budget of seconds that a frame is meant to take.
 _TARGET_SHARE = 0.95
-# The largest difference between the logarithms of the share that a frame took and of the share that was expected, with
-# which the next frame keeps the LOD.
+# A frame keeps the LOD of the frame before if it is predicted to take nearly the expected share of its budget of
+# seconds: the natural logarithms of both shares differ by at most this.
 _BAND = 0.13
-# The fewest frames for which an LOD stays, however long they take.
+# An LOD stays for at least this number of frames, however long they take, while the budget stays.
 _MIN_FRAMES = 5
-# The relative deviation of the predicted from the meant time within which the search for an LOD ends.
+# The search for an LOD ends when the predicted time deviates from the meant time by at most this share of it.
 _TARGET_DEVIATION = 0.04
-# The most tries of the search for an LOD.
+# The largest number of LODs that a search makes.
 _MAX_TRIES = 5
-# The exponent that bounds a change of size: if a frame takes f times as long as meant, the size is divided by at most
-# f^_SIZE_EXPONENT.
+# The exponent that bounds a change of size: if a frame takes f times its budget of seconds, or an f-th part of it, the
+# size changes by a factor of at most f^_SIZE_EXPONENT.
 _SIZE_EXPONENT = 3.0
-# The lowest power of the size with which seconds may grow. The time for a few large cells depends on their pixels.
+# The seconds of a frame are taken to grow with a power of the size that is at least this: the time for a few large
+# cells depends more on their pixels than on their number.
 _MIN_POWER = 0.1
-# The highest power of the size with which seconds may grow. The time for many small cells depends on their number.
+# The seconds of a frame are taken to grow with a power of the size that is at most this: the time for many small
+# cells is in proportion to their number.
 _MAX_POWER = 1.0
-# The bounds of a search for a size that has no bounds.
+# The smallest and the largest size of a search for a size, if all sizes are allowed.
 _ANY_SIZE = 0.0, math.inf
 
 # The steps of a frame that are not drawing.
 _OTHER_STEPS = ("cut", "primitives", "edges", "order", "written")
-# The fewest seconds that a drawing counts as taking, even if the clock stood still.
+# A drawing counts as taking at least this many seconds, even if the clock stood still.
 _MIN_SECONDS = 1e-9
 
 
@@ -68,7 +70,7 @@ class LODCostEstimator:
         self.stage, self.primitive = stage, make_primitive(stage.at(0))
         self._fixed, self._rate = 0.0, 1.0
         self._trials: list[tuple[float, float]] = []  # typical and measured seconds to draw each trial
-        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # as in _trials, of the last frames
+        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # as _trials, for the last frames
         self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # seconds to write the last frames
         self._seen: dict[float, tuple[float, float]] = {}  # by size: the typical seconds, and the seconds of sorting
 
@@ -77,23 +79,26 @@ class LODCostEstimator:
         return self.primitive.lod_size(lod.tolerance, lod.num_cells)
 
     def make_draw_list(self, number: int, tolerance: float, watch: Stopwatch) -> DrawList:
-        """Cut at a tolerance, and sort for a frame."""
+        """Return the primitives of a frame at a tolerance, sorted for drawing."""
         stage = self.stage.at(number)
         return make_draw_list(stage, make_primitive(stage).make_lod(tolerance, watch.lap), number, watch)
 
     def predict(self, draw_list: DrawList) -> float:
-        """Return the seconds from a finished LOD to the written frame."""
+        """Return the predicted seconds to sort, draw and write a frame whose LOD is made."""
         seen = self._seen[self.size(draw_list.lod)] = draw_list.typical_seconds, draw_list.order_seconds
         return self.seconds(*seen)
 
     def seconds(self, typical_seconds: float, order_seconds: float) -> float:
-        """Return the time to sort, draw and write a frame."""
+        """Return the predicted seconds to sort, draw and write a frame.
+
+        typical_seconds: the typical seconds to draw it. order_seconds: the seconds to sort it.
+        """
         drifts = [taken / self._draw_seconds(typical) for typical, taken in self._frames]
         drift = statistics.median(drifts or [1.0])
         return order_seconds + drift * self._draw_seconds(typical_seconds) + statistics.median(self._writing)
 
     def max_cells(self, seconds: float) -> float:
-        """Return an upper bound of the number of cells that can be drawn in a time, as if they had no pixels."""
+        """Return an upper bound of the number of cells that can be drawn in a time, as if pixels cost no time."""
         return seconds / (self._rate * TYPICAL_CELL_SECONDS)
 
     def record_trial(self, draw_list: DrawList, seconds: float) -> None:
@@ -203,7 +208,11 @@ def find_finest_in_time(
 
 
 def _badness(share: float) -> tuple[bool, float]:
-    """Return how bad it is that a frame takes a share of the meant time. Too long is worse than too short."""
+    """Return a key that is the larger, the worse a predicted time fits the meant time.
+
+    share: the predicted time, divided by the meant time. A share whose logarithm is above _BAND is worse than any
+    smaller share.
+    """
     off = math.log(share)
     return off > _BAND, abs(off)
 
@@ -248,7 +257,7 @@ class BudgetController:
         self._seconds, self._expected_share, self._num_frames = 0.0, _TARGET_SHARE, 0
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
-        """Return the frame to draw, and its predicted seconds, as `ScheduleController.prepare_frame` does."""
+        """Return the frame to draw, and the predicted seconds from its start to the start of the next frame."""
         if self._lod is None:
             return self.choose(number, watch)
         seconds = self._seconds_of(number)
@@ -270,12 +279,12 @@ class BudgetController:
     def choose(self, number: int, watch: Stopwatch, sizes: tuple[float, float] = _ANY_SIZE) -> tuple[DrawList, float]:
         """Find an LOD for a frame and the frames after it. For the first frame, call it before the frame's time begins.
 
-        sizes: as in `find_finest_in_time`.
+        sizes: the smallest and the largest size allowed.
         """
         seconds, self._lod = self._seconds_of(number), None  # two LODs at a time would take twice the memory
         draw_list, predicted = find_finest_in_time(self._estimator, number, seconds, watch, sizes)
         wanted = max(1.0, self._estimator.size_for_seconds(_TARGET_SHARE * seconds))
-        # If the bounds excluded the best LOD, the target share is expected, so that the next frame comes closer to it.
+        # If `sizes` excluded the best LOD, _TARGET_SHARE is expected, so that the next frame comes closer to that LOD.
         self._expected_share = predicted / seconds if sizes[0] <= wanted <= sizes[1] else _TARGET_SHARE
         self._lod, self._seconds, self._num_frames = draw_list.lod, seconds, 0
         self._made_for = draw_list.stage

@@ -48,12 +48,13 @@ from renderer.view import (
 )
 from renderer.volume import Float64, Volume
 
-# The most frames of a film in motion whose layers are made to frame it.
+# The largest number of frames of a film in motion whose visible cells decide how far away the camera is. The layers of
+# each such frame have to be made.
 _MOST_SAMPLED_LAYERS = 9
-# The most frames of a film in motion for whose cameras it is framed.
+# The largest number of frames of a film in motion whose cameras decide how far away the camera is.
 _MOST_SAMPLED_CAMERAS = 1000
-# The longest side of a volume, in voxels, at which splats may reach beyond the frame's margin, so that its frame is
-# enlarged. In larger volumes, all footprints have the same frame and can be compared.
+# The longest side, in voxels, of a volume that counts as small. Its splats may reach beyond the margin of the picture,
+# so that the camera is moved away from it. Larger volumes are framed alike for all footprints, which can be compared.
 _MAX_SIDE_OF_SMALL = 24
 
 
@@ -70,7 +71,7 @@ def prepare_stage(
     """Read the volumes, make their layers, and frame the visible cells. Raises InputError for an unusable volume.
 
     volumes: the volumes of the first frame, if they were read before; None to read the scene's volumes.
-    known: the fingerprints that volumes of other frames must have, as in `FilmVolumes`.
+    known: the fingerprints that volumes of other frames must have, by the volumes' specs.
     any_tolerance: whether to build the pyramid for every tolerance and level, as for bricks, and not only for the
         tolerances of the scene's schedule.
     maker: a maker that has made the stage of a similar scene, and reuses its layers; None for a new one.
@@ -156,8 +157,8 @@ def _clip_problem(key: str, volume: Volume) -> Problem:
 def _framing(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float, float]:
     """Return the target and the distance of the camera, so that all frames hold everything that any frame shows.
 
-    The scene's own target and distance are kept. The third value is the share of a picture that the cells left out
-    of the framing add.
+    The scene's own target and distance are kept. Cells that hardly show are left out of the framing. The third value is
+    the share of a picture that these cells would add.
     """
     camera, size = scene.at(0).camera, scene.output.size
     frames_of: dict[CameraSpec, list[int]] = {}
@@ -203,17 +204,23 @@ def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vec
 
 
 def _other_points(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[tuple[Float64, float]]:
-    """Yield the points of `points_in_frame` for some frames of a film in motion, except the first frame."""
+    """Yield, for some frames of a film in motion except the first, the positions that must be in frame.
+
+    Each is a pair, as `points_in_frame` returns it. layers: the layers of the first frame.
+    """
     tolerance, known = min_tolerance(scene.error), [layer.digest for layer in layers]
     for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
         sampled = scene.at(frame)
-        if maker.digests_of(sampled, tolerance) != known:  # shading is dropped, as it makes no cell visible
+        if maker.digests_of(sampled, tolerance) != known:  # shading takes time, and makes no cell visible
             sampled = sampled.with_layers(shading=None)
         yield points_in_frame(sampled, maker.layers_of(sampled, tolerance))
 
 
 def framing_note(scene: FilmScene) -> str | None:
-    """Return a sentence on the frames by which a film is framed, if its layers change and others may show more."""
+    """Return a sentence on the frames by which a film is framed, if its layers change and other frames may show more.
+
+    Return None if the frames cannot show more, or the scene gives the camera's target and distance.
+    """
     frames, camera = _sampled(scene, _MOST_SAMPLED_LAYERS), scene.at(0).camera
     is_open = camera.distance is None or not isinstance(camera.target, tuple)
     layers = enumerate(scene.film_layers)
@@ -227,7 +234,7 @@ def framing_note(scene: FilmScene) -> str | None:
 
 
 def _sampled(scene: FilmScene, num: int) -> list[int]:
-    """Return about `num` frames of a film, keys among them; frame 0 alone if nothing moves."""
+    """Return about `num` frames of a film, among them key frames; frame 0 alone if nothing moves."""
     if not scene.moves:
         return [0]
     frames = sorted({0, *scene.key_frames, *range(0, scene.num_frames, max(1, scene.num_frames // num))})

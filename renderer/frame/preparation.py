@@ -53,7 +53,7 @@ VolumeKey = tuple[VolumeSpec, Matrix | None, MaskSpec | None]
 
 @dataclass
 class StageMaker:
-    """A maker of the stages of a film's frames, which keeps the volumes and the layers of the last one.
+    """A maker of the stages of a film's frames, which keeps the volumes and the layers of the last stage for the next.
 
     any_tolerance: whether pyramids serve every tolerance, and not only the tolerances of the scene's schedule.
     volumes: the volumes of the last scene's layers, with the keys that they were made from.
@@ -141,7 +141,7 @@ class StageMaker:
         return tuple(layers)
 
     def digests_of(self, scene: Scene, tolerance: float) -> list[str]:
-        """Return the digests of the layers of a scene. See `layers_of` for the parameters."""
+        """Return the digests of the layers of a scene. tolerance: the smallest tolerance of the film."""
         volumes, finest_cut = self.volumes_of(scene), self._finest_cut(scene, tolerance)
         return [layer_digest(*each, finest_cut) for each in zip(scene.layers, repeat(scene), volumes)]
 
@@ -151,7 +151,7 @@ class StageMaker:
         return FinestCut(tolerance, scene.error.finest_level)
 
     def stage_of(self, scene: Scene, layers: tuple[Layer, ...], target: Vector, distance: float) -> Stage:
-        """Return the stage of a scene at a frame, and reuse all that equals the last stage."""
+        """Return the stage of a scene at a frame. Parts that equal parts of the last stage are taken from it."""
         camera, last = replace(scene.camera, target=target, distance=distance), self.last
         for layer in layers:
             raise_problems(camera_problems(camera, scene.output.size, volume_extent(layer.volume)))
@@ -174,8 +174,8 @@ class StageMaker:
 class FilmVolumes:
     """A record of the volumes of a film.
 
-    first: the volumes of its first frame. fingerprint: the joint fingerprint of all its volumes. known: the fingerprint
-    of each volume of a layer that moves in time.
+    first: the volumes of the first frame. fingerprint: the joint fingerprint of all volumes of the film. known: the
+    fingerprint of each step of a volume that changes over the frames.
     """
 
     first: Sequence[Volume]
@@ -224,9 +224,10 @@ def volume_key(layer: LayerSpec) -> VolumeKey:
 
 
 def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, float]:
-    """Return the positions that must be in frame, float64 [n, 3], and the share of a picture that is left out.
+    """Return the positions in the world that must be in frame, float64 [n, 3], and the share of a picture left out.
 
-    Both are as in `framed_points`; the share is the largest of all layers.
+    Cells that add next to nothing to a picture need not be in frame. The share is how much they add, for the layer
+    with the largest share; mostly 0.
     """
     if scene.annotation.bounds:
         return np.concatenate([volume_corners(layer.volume) for layer in layers]), 0.0
@@ -236,7 +237,7 @@ def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, flo
 
 
 def _framed_points(layer: Layer, clip: tuple[ClipSpec, ...] | None) -> tuple[Float64, float]:
-    """Return the points of `points_in_frame` for a layer.
+    """Return, for one layer, the positions that must be in frame and the share of a picture that is left out.
 
     clip: planes and boxes whose removed parts need not be in frame, besides the layer's own; None to frame the whole
         layer.

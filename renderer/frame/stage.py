@@ -13,7 +13,7 @@ from renderer.scene import CameraSpec, ClipSpec, FilmScene, Scene, SplatBudget, 
 from renderer.view import OrderBlending, View, are_near_faces, make_view, place_object_clips
 from renderer.volume import Bools, Float64, Volume
 
-# A function that returns seconds.
+# A function that returns the time now, in seconds since any fixed moment.
 Clock = Callable[[], float]
 AnyStage = TypeVar("AnyStage", bound="FilmStage")
 
@@ -40,7 +40,7 @@ class FrameStageMaker(Protocol):
 
 @dataclass
 class FilmStage:
-    """A stage holds all data that a film is drawn from. Its method `at` returns the `Stage` of a frame.
+    """All data that a film is drawn from. The method `at` returns the `Stage` of a frame.
 
     It owns the layers of the first frame: use it as a context manager, or call `close`. If nothing moves, the stage of
     the film is itself a `Stage`.
@@ -51,7 +51,7 @@ class FilmStage:
     order_blending: the blending of draw orders along the path.
     seconds: the time that each step of the preparation took. maker: the maker of the stages of frames; None if nothing
         moves.
-    not_framed: the share of a picture that the cells left out of the framing add; 0 if none was left out.
+    not_framed: the share of a picture that is added by cells which need not be in frame; 0 if all must be.
     """
 
     scene: FilmScene
@@ -88,7 +88,7 @@ class FilmStage:
 
     @property
     def largest_error(self) -> float:
-        """Return the largest error of a volume as a single cell, over all layers."""
+        """Return the error of drawing a layer as a single cell, for the layer with the largest error."""
         return max(root_error(layer.pyramid) for layer in self.layers)
 
     def require_unchanged(self) -> None:
@@ -99,21 +99,21 @@ class FilmStage:
 
 @dataclass
 class Stage(FilmStage):
-    """A stage of one frame, or of all frames if nothing moves."""
+    """All data that one frame is drawn from or, if nothing moves, every frame."""
 
     scene: Scene
 
     def at(self, frame: int) -> Stage:
-        """Return this stage, which is the stage of every frame that it is asked for."""
+        """Return this stage, whichever frame is asked for; it has the interface of FilmStage.at."""
         return self
 
     @property
     def first(self) -> Stage:
-        """Return this stage."""
+        """Return this stage, as all its frames have the same stage."""
         return self
 
     def has_lods_of(self, other: Stage) -> bool:
-        """Return whether this stage has the same levels of detail as the stage of another frame."""
+        """Return whether levels of detail that were made for the stage of another frame fit this stage, too."""
         now, then = self.scene, other.scene
         return (
             self.groups is other.groups
@@ -126,9 +126,9 @@ class Stage(FilmStage):
 
     @property
     def lit_clips(self) -> list[tuple[ClipSpec, ...]]:
-        """Return for each group the planes and boxes whose cut faces are lit, which only voxels can show.
+        """Return, for each group of layers, the planes and boxes whose cut faces are lit.
 
-        There are none if the scene asks for larger cells.
+        Only voxels can show this light, so a group has no such planes and boxes if the scene asks for larger cells.
         """
         error = self.scene.error
         has_voxels = error.finest_level == 0 and not isinstance(error.goal, SplatBudget)
@@ -140,22 +140,25 @@ class Stage(FilmStage):
         ]
 
     def near_faces(self) -> Iterator[Callable[[Float64], Bools] | None]:
-        """Yield a test for each group: which bounds are near lit faces; None for a group without lit faces.
+        """Yield a test for each group of layers: which boxes are near a lit cut face; None for a group without one.
 
-        The test takes bounds in index coordinates.
+        The test takes the bounds of boxes, float64 [n, 2, 3] in index coordinates, and returns bool [n].
         """
         for group, clips in zip(self.groups, self.lit_clips, strict=True):
             region = place_object_clips(group.volume, clips)
             yield None if region is None else partial(are_near_faces, region, group.volume)
 
     def draws_voxels_only(self, number: int) -> bool:
-        """Return whether a group is drawn as voxels at every tolerance, as cells cannot hold light that a view sets."""
+        """Return whether a group is drawn as voxels at every tolerance, as its light depends on the view.
+
+        Larger cells cannot hold such light. number: the number of the group.
+        """
         has_faces_of_view = any(clip.fixed == "camera" for clip in self.lit_clips[number])
         return has_faces_of_view or self.groups[number].draws_voxels_only
 
     @property
     def camera(self) -> CameraSpec:
-        """Return the camera with the target and the distance that were found."""
+        """Return the scene's camera, with the target and the distance of this stage in place of those left open."""
         return replace(self.scene.camera, target=self.target, distance=self.distance)
 
 

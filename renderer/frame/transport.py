@@ -24,15 +24,15 @@ from renderer.volume import MappedFile
 # The alignment of buffers, in bytes.
 ALIGNMENT = 64
 
-# The format of the header's length.
+# The format of the header's length: an unsigned little-endian number of 64 bits.
 _LENGTH = struct.Struct("<Q")
 
 
 class _StagePickler(pickle.Pickler):
-    """A pickler that leaves out the files of this machine."""
+    """A pickler that leaves out objects for mapped files of this machine, which the receiver may not have."""
 
     def reducer_override(self, value: Any) -> Any:
-        """Write None in place of a file that the receiver may not have."""
+        """Return the instructions to write None in place of a mapped file; any other value is pickled as usual."""
         return (type(None), ()) if isinstance(value, MappedFile) else NotImplemented
 
 

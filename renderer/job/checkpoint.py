@@ -22,19 +22,21 @@ from renderer.scene import OutputSpec, PictureKind, read_json_object
 # The name of a checkpoint file: the number of the frame, the number of the kind of picture, and the suffix. The first
 # kind has no number, nor has the record.
 _FILE_PATTERN = re.compile(r"([0-9]{6,9})\.(?:[0-9]{1,3}\.)?(json|png|exr)")
-# The name of a file with the data of a fingerprint: all data that frames depend on.
+# The name of a file with the data of a fingerprint: all data that the frames of a film depend on.
 _FINGERPRINT_PATTERN = re.compile(r"fingerprint-[0-9a-f]{32}\.json")
-# The digest of a fingerprint.
+# The form of a fingerprint's digest: 32 hexadecimal digits.
 _DIGEST_PATTERN = re.compile(r"[0-9a-f]{32}")
-# The most bytes of the JSON of a record or a fingerprint. Some kilobytes are usual.
+# The largest size, in bytes, of the JSON file of a record or a fingerprint. Some kilobytes are usual.
 _MAX_JSON_BYTES = 2**26
 
 
 class FrameStore:
-    """A store of finished frames that does not keep new ones: it has the frames of parts, or no frames.
+    """A store of finished frames that does not keep newly drawn frames.
+
+    It has the frames of the parts from which a film is assembled, or no frames.
 
     records: the records of the finished frames, by number.
-    file: returns the file of a frame's picture of a kind, both by their numbers.
+    file: a function that returns the path of a picture, given the numbers of its frame and of its kind.
     is_output: whether the pictures are the files of the first output, which then need not be written.
     """
 
@@ -52,20 +54,20 @@ class FrameStore:
         return DrawnFrame(self.records[number], {kind: Picture(file=self._file(number, kind)) for kind in kinds})
 
     def save(self, frame: DrawnFrame) -> FrameRecord:
-        """Return the record of a drawn frame, with the digests of the pictures that become files of an output."""
+        """Return the record of a drawn frame, with the digests of those of its pictures that become output files."""
         kinds = self._output.kinds
         in_files = {kinds.index(each.kind) for each in self._output.files if each.is_frames}
         return _with_digests(frame, kinds, in_files)
 
 
 class FrameCheckpoint(FrameStore):
-    """A store that keeps the finished frames of an output, for the only job that works on them.
+    """A store that keeps the finished frames of an output in files. Only one job at a time works on these frames.
 
     folder: the folder of the unfinished film; it exists.
     fingerprint: the fingerprint of the film. Frames with another fingerprint are removed.
 
-    records: the records of the frames whose files match them, by number. Each has the `digest` of its file.
-    former: the data of the other fingerprint of removed frames; empty if it is no longer known, None if no frame was
+    records: the records of finished frames, by number. Each has the `digest` of its file, which matches.
+    former: the data of the fingerprint that removed frames had; empty if it is no longer known, None if no frame was
         removed.
     num_outdated: the number of removed frames.
     """
@@ -76,7 +78,7 @@ class FrameCheckpoint(FrameStore):
         self._fingerprint = fingerprint
         self.former: Mapping[str, object] | None = None
         self.num_outdated = 0
-        # The pictures of an output of numbered frames have their final names at once.
+        # Pictures that are output files themselves are written under their final names at once.
         self.is_output = output.is_frames
         for number in numbers:
             self._find(number)
@@ -109,7 +111,7 @@ class FrameCheckpoint(FrameStore):
                 self.records[record.frame] = record
 
     def save(self, frame: DrawnFrame) -> FrameRecord:
-        """Write the pictures of a frame, then its record. Return the record with the digests of the pictures."""
+        """Write the pictures of a frame, and then its record. Return the record with the digests of the pictures."""
         number, record = frame.record.frame, _with_digests(frame, self._output.kinds, frame.pictures)
         for kind, picture in frame.pictures.items():
             self._write(self._picture_path(number, kind), picture.content)
@@ -123,7 +125,7 @@ class FrameCheckpoint(FrameStore):
         return record
 
     def _write(self, path: Path, content: bytes) -> None:
-        # A job does not wait until the disk has a frame. A frame that a power failure damages does not match its
+        # A job does not wait until a frame is on the disk. A frame that a power failure damages does not match its
         # record, and is drawn again.
         write_staged(path, content, self._folder, is_durable=False)
 
@@ -142,8 +144,9 @@ def remove_checkpoint_frames(
 ) -> None:
     """Remove these frames from the folder of an unfinished film. The files of the output stay.
 
-    All frames of a film in one file are removed. Of numbered frames only these, since another job may draw the others.
-    of: only frames with this fingerprint are removed.
+    If the film is one file, all its frames are removed. Of numbered frames, only these are removed, since another job
+    may draw the other frames.
+    of: only frames with this fingerprint are removed; None to remove frames with any fingerprint.
     """
     own = frozenset(numbers) if output.is_numbered else None
 
@@ -168,19 +171,25 @@ def remove_checkpoint_frames(
 
 
 def _with_digests(frame: DrawnFrame, kinds: Sequence[PictureKind], numbers: Collection[int]) -> FrameRecord:
-    """Return the record of a frame with the digests of its pictures of some kinds. numbers: of these kinds."""
+    """Return the record of a frame with the digests of some of its pictures.
+
+    numbers: the numbers of the kinds of pictures whose digests are recorded.
+    """
     found = {kind: bytes_digest(picture.content) for kind, picture in frame.pictures.items() if kind in numbers}
     others = {kinds[kind].name: digest for kind, digest in found.items() if kind}
     return replace(frame.record, digest=found.get(0), digests=others or None)
 
 
 def _fingerprint_path(folder: Path, fingerprint_digest: str) -> Path:
-    """Return the file for the data of a fingerprint. They may be long, so all frames share one file."""
+    """Return the path of the file for the data of a fingerprint. The data may be long, so all frames share one file."""
     return folder / f"fingerprint-{fingerprint_digest}.json"
 
 
 def _read_frame(path: Path) -> tuple[str, FrameRecord] | None:
-    """Return the digest of the fingerprint and the record of a frame; None if the file is missing or incomplete."""
+    """Return the digest of a fingerprint and the record of a frame from the frame's JSON file in a checkpoint.
+
+    Return None if the file is missing or incomplete.
+    """
     data = read_json_object(path, _MAX_JSON_BYTES) or {}
     digest, record = data.get("fingerprint"), read_frame_record(data.get("record"))
     if record is None or record.digest is None or not isinstance(digest, str):

@@ -23,7 +23,7 @@ class JobEvents:
     """
 
     def locked(self) -> None:
-        """Take note that the output is locked until the film is made; it may be up to date."""
+        """Take note that the output is locked for this job. The film may still turn out to be up to date."""
 
     def prepared(self) -> None:
         """Take note that the volume is read, that the film is not up to date, and that drawing begins."""
@@ -36,20 +36,20 @@ class JobEvents:
         """
 
     def frame_finished(self, record: FrameRecord) -> None:
-        """Take note that one of these frames is stored, and is in the film."""
+        """Take note that one of the frames of a pass is stored and written to the film. record: its record."""
 
     def predicted(self, forecast: Forecast) -> None:
-        """Take note of the predicted cost of a long pass. Its first frames stand for all."""
+        """Take note of the cost of a long pass, as predicted from its first frames."""
 
     def pass_finished(self, summary: str) -> None:
-        """Take note that a pass is finished, and is a whole film. summary: its accuracy, its size and its time."""
+        """Take note that a pass is finished, and is a whole film. summary: a line on its accuracy, cells and time."""
 
     def volume_noted(self, text: str) -> None:
-        """Take a remark on how the volume was read. It is a note like any other unless this is overridden."""
+        """Take a sentence on how the volume was read. Unless a subclass overrides this, `note` takes the sentence."""
         self.note(text)
 
     def note(self, text: str) -> None:
-        """Take a sentence about the film."""
+        """Take a sentence about the film, which is meant for the user."""
 
 
 class ProgressEvents(JobEvents):
@@ -59,17 +59,17 @@ class ProgressEvents(JobEvents):
         self._on_progress, self._num_finished, self._num_frames = on_progress, 0, 0
 
     def started(self, label: str, num_frames: int) -> None:
-        """Start counting at 0."""
+        """Start counting the frames of a pass at 0."""
         self._num_finished, self._num_frames = 0, num_frames
 
     def frame_finished(self, record: FrameRecord) -> None:
-        """Count the frame, and call the function."""
+        """Count the finished frame, and call the function with the numbers of finished frames and of all frames."""
         self._num_finished += 1
         self._on_progress(self._num_finished, self._num_frames)
 
 
 class NotebookBar:
-    """A progress bar below the cell of a notebook. It shows nothing elsewhere."""
+    """A progress bar below the cell of a notebook. Outside of notebooks, it shows nothing."""
 
     def __init__(self) -> None:
         ipython: Any = sys.modules.get("IPython")

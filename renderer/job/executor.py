@@ -30,7 +30,7 @@ FINISHING_STEPS = ("probe", "pictures")
 
 @dataclass(frozen=True)
 class DrawnFrame:
-    """A drawn frame: its record, with its accuracy, and its pictures by the numbers of their kinds."""
+    """A drawn frame: its record, which has its accuracy, and its pictures by the numbers of their kinds."""
 
     record: FrameRecord
     pictures: Mapping[int, Picture]
@@ -41,8 +41,9 @@ class Executor(Protocol):
 
     device: the name of the device that draws; the bytes depend on it. On a cluster, whose machines may differ, the
         record of each frame names its own device.
-    brick_memory: the memory of bricks, as of a Rasterizer; None if other processes draw.
-    rasterizer: draws trial frames in this process.
+    brick_memory: the bytes that the scene's visible bricks need, and may take; None for splats, before anything is
+        drawn, and if other processes draw.
+    rasterizer: the rasterizer that draws trial frames in this process.
     """
 
     @property
@@ -70,12 +71,12 @@ class LocalExecutor:
 
     @property
     def device(self) -> str:
-        """Return the device and the driver of OpenGL for splats, and the processor for bricks."""
+        """Return the name of what draws: the device and the driver of OpenGL for splats, the processor for bricks."""
         return self.rasterizer.device
 
     @property
     def brick_memory(self) -> BrickMemory | None:
-        """Return the memory of bricks."""
+        """Return the bytes that the scene's visible bricks need, and may take; None before anything is drawn."""
         return self.rasterizer.brick_memory
 
     @property
@@ -85,10 +86,10 @@ class LocalExecutor:
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Draw these frames, and yield them in this order. The generator may be closed before its end."""
-        # Imported here: the ray integral takes a while to load.
+        # The import is here because the ray integral takes a while to load.
         from renderer.accuracy import open_prober
 
-        # On a time budget the whole time of a frame counts, so no part of it may overlap with the next frame.
+        # On a budget of seconds, the whole time of a frame counts, so no step of it may overlap with the next frame.
         return draw_frames(
             plan.stage,
             numbers,
@@ -103,7 +104,7 @@ class LocalExecutor:
 def open_local_executor(scene: FilmScene, memory: MemoryShare | None = None) -> Iterator[LocalExecutor]:
     """Open an executor of this process for a scene. Raises RenderError if it needs OpenGL and there is none.
 
-    memory: the memory for bricks, as of `open_rasterizer`.
+    memory: the memory that bricks may take; None for half of the free memory.
     """
     with open_rasterizer(scene, memory) as rasterizer:
         yield LocalExecutor(rasterizer)
@@ -118,10 +119,11 @@ def draw_frames(
     *,
     is_overlapped: bool = True,
 ) -> Generator[DrawnFrame, None, None]:
-    """Draw these frames in this process, one after the other. Other parameters are as of `render_frames`.
+    """Draw these frames in this process, one after the other, and yield them.
 
-    prober: measures their accuracy. is_overlapped: whether a frame is measured, and its pictures are made, while the
-    next frame is drawn.
+    controller: the controller that chooses the tolerances. prober: the prober that measures the accuracy of each frame;
+    None to measure nothing. is_overlapped: whether a frame is measured, and its pictures are made, while the next frame
+    is drawn.
     """
     finisher = _FrameFinisher(stage, prober)
     frames = render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller)
@@ -129,7 +131,7 @@ def draw_frames(
 
 
 class _FrameFinisher:
-    """Measures the accuracy of drawn frames, and then makes their pictures, perhaps with annotation over them."""
+    """A finisher of drawn frames, which measures their accuracy, and then makes their pictures with annotation."""
 
     def __init__(self, film: FilmStage, prober: FrameProber | None) -> None:
         self._film, self._prober, self._maker = film, prober, PictureMaker(film)

@@ -1,4 +1,4 @@
-"""Describe a film to make."""
+"""Describe a film to make: its scene, its frames, and the accuracy that is requested."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs 
     from renderer.record import FinishedFilm
 
 
-# The results of the original film that a job is to have again: the frames and their measured accuracy, the frames
-# alone, or nothing, since the scene was changed.
+# The results that a film which is made again must have in common with the original film: the frames and their measured
+# accuracy (film), the frames alone (frames), or no results, since the scene was changed (nothing).
 Repeats = Literal["film", "frames", "nothing"]
 
 
@@ -40,7 +40,7 @@ class FilmJob:
 
     @property
     def sidecar(self) -> Path:
-        """Return the JSON file beside the output."""
+        """Return the path of the sidecar, the JSON file beside the output that records the film."""
         return sidecar_path(self.scene, self.frames)
 
     def input_files(self) -> Iterator[Path]:

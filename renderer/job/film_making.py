@@ -45,7 +45,7 @@ from renderer.record import (
 from renderer.scene import FilmScene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 
-# The fewest predicted seconds of a long pass, of which the listener is told the cost.
+# The listener is told the cost of a pass that is predicted to take at least this many seconds.
 _LONG_S = 60.0
 
 OpenExecutor = Callable[[FilmScene], AbstractContextManager[Executor]]
@@ -56,7 +56,7 @@ Passes = Callable[["FilmInProgress"], "JobResult"]
 class JobResult:
     """The result of a film job: a film that is made, or was up to date.
 
-    file: the film, or the template of its frames, by its name in the job.
+    file: the path of the film, or of the template of its frames, as the job's scene gives it.
     summary: a line on the film and its cost; empty for a film that was up to date.
     volume_note: the note of the reader of the first volume.
     shortfall: the error for an accuracy that was not reached.
@@ -76,8 +76,8 @@ def make_film(
 ) -> JobResult:
     """Lock the output and make the film, or return the film that is up to date.
 
-    open_executor: opens the executor for a scene.
-    passes: draws and writes the film: `one_pass`, or a `Refinement`.
+    open_executor: a function that opens the executor for a scene.
+    passes: a function that draws and writes the film: `one_pass`, or a `Refinement`.
     resumes: whether frames that an earlier job finished are kept. If not, all frames are drawn again.
     Raises OutputLockedError if another job is writing the output, InputError and RenderError if it cannot be written,
     InputError if it is one of the job's inputs, any other HsplatError, and KeyboardInterrupt.
@@ -120,7 +120,10 @@ def make_film(
 
 
 def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) -> Forecast:
-    """Predict the cost of a film here by drawing some of its frames. Nothing is written. Raises as `make_film`."""
+    """Predict the cost of a film on this machine by drawing some of its frames. No file of the film is written.
+
+    open_executor: a function that opens the executor for a scene. Raises HsplatError, and KeyboardInterrupt.
+    """
     start = time.perf_counter()
     require_encoder(job.scene.output)
     with open_executor(job.scene) as executor, open_job_stage(job, read_film_volumes(job.scene)) as stage:
@@ -132,8 +135,11 @@ def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) 
 def _kept_film(
     output: OutputWriter, existing: FinishedFilm, fingerprint: FilmFingerprint, note: str | None, events: JobEvents
 ) -> JobResult:
-    """Return the film that is up to date."""
-    # A job that was killed when its film was complete has left them.
+    """Return the result of a job whose film is up to date, and remove what is left of unfinished work on it.
+
+    note: the note of the reader of the first volume.
+    """
+    # A job that was killed when its film was complete has left its checkpoint and its mark.
     remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
     output.remove_mark()
     events.note(f"{output.spec.file} is up to date; --force draws it again")
@@ -154,7 +160,10 @@ def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJ
 
 
 def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> FilmStage:
-    """Prepare the stage. Raises InputError if there is an original, and it shows other volumes."""
+    """Return the stage of a job's film. volumes: the volumes of the film, which were read before.
+
+    Raises InputError if the film is made again, and its original shows other volumes.
+    """
     if job.original is not None:
         job.original.require_volumes(volumes.fingerprint, [volume.name for volume in volumes.first])
     return prepare_stage(
@@ -166,7 +175,7 @@ def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> FilmStage:
     )
 
 
-# Passes
+# The passes of a film
 
 
 @dataclass(frozen=True)
@@ -191,7 +200,10 @@ class FilmInProgress:
     resumes: bool
 
     def plan(self, estimator: LODCostEstimator, on_step: Callable[[], None] = lambda: None) -> FilmPlan:
-        """Find the tolerances for the goal of the scene. The parameters are as of `make_plan`."""
+        """Find the tolerances for the goal of the scene.
+
+        on_step: called before each trial drawing; an error that it raises ends the search.
+        """
         return make_plan(estimator, self.output.frames, lambda: self.executor.rasterizer, self.events, on_step)
 
     def write_frames(
@@ -202,9 +214,10 @@ class FilmInProgress:
         defer_interrupts: Callable[[], None],
         on_step: Callable[[], None] = lambda: None,
     ) -> list[FrameRecord]:
-        """Draw the frames that the store lacks, and write the film. The rest is as in `OutputWriter.write_frames`.
+        """Draw the frames that the store lacks, write the film, and return the records of all frames.
 
-        on_step: called between two frames; an error that it raises ends the drawing.
+        label: the name of the film, or of its pass, for the listener. defer_interrupts: called before files get their
+        final names. on_step: called between two frames; an error that it raises ends the drawing.
         """
 
         def draw() -> Generator[DrawnFrame, None, None]:
@@ -212,17 +225,17 @@ class FilmInProgress:
             for num, frame in enumerate(drawing):
                 try:
                     yield frame
-                except Exception as error:  # the writer ends the drawing, and wants the frames in progress
+                except Exception as error:  # the writer ends the drawing, and takes frames that are in progress
                     yield drawing.throw(error)
                     yield from drawing
                     return
                 on_step()
-                start = start or time.perf_counter()  # after the first frame, which also loads the data of all
+                start = start or time.perf_counter()  # the first frame does not count: it loads data for all frames
                 if num == NUM_NEIGHBOURS and isinstance(self.executor, LocalExecutor):
                     self._tell_cost(len(missing) * (time.perf_counter() - start) / num)
 
         missing = [number for number in self.output.frames if number not in store.records]
-        # On a time budget each frame is stored before the next one is drawn, since the storing counts, too.
+        # On a budget of seconds, each frame is stored before the next one is drawn, since storing is part of its time.
         is_overlapped = not plan.is_timing_dependent
         with contextlib.closing(self.executor.draw(plan, missing)) as drawing:
             return self.output.write_frames(
@@ -232,7 +245,7 @@ class FilmInProgress:
     def _tell_cost(self, seconds: float) -> None:
         """Tell the listener the cost of a long pass. seconds: the predicted time to draw and store its frames."""
         if seconds >= _LONG_S:
-            first = self.output.first_pictures  # without the last frame, which is still being stored
+            first = self.output.first_pictures  # the last drawn frame, which is still being stored, is not in it
             known = [(each, first[each.file][:NUM_NEIGHBOURS]) for each in self.output.shown if each.file in first]
             sizes = {each.file: film_cost(each, pictures, self.output.frames)[1] for each, pictures in known}
             self.events.predicted(Forecast(seconds, sizes))
@@ -240,11 +253,12 @@ class FilmInProgress:
     def finish(
         self, plan: FilmPlan, frames: Sequence[FrameRecord], *, num_resumed: int = 0, passes: Sequence[PassRecord] = ()
     ) -> JobResult:
-        """Write the sidecar of the film of these frames. num_resumed: the number of frames that earlier jobs drew.
+        """Write the sidecar of the film of these frames, and return the result of the job.
 
-        The next job knows by the fingerprint in the sidecar that the film is up to date. A film that a single pass
-        would not have made has no fingerprint: a coarser pass, and a pass with tolerances that depend on the clock
-        though no time budget was requested.
+        num_resumed: the number of frames that earlier jobs drew. passes: the records of the passes of the film.
+        The next job sees by the fingerprint in the sidecar that the film is up to date. A film that a single pass would
+        not have made has no fingerprint: a coarser pass, and a pass with tolerances that depend on the clock although
+        no budget of seconds was requested.
         """
         scene, requested, devices = self.stage.scene, self.job.requested, self._devices(frames)
         shortfall = find_shortfall(plan, scene, requested, frames)
@@ -279,7 +293,8 @@ class FilmInProgress:
         """Yield notes for the user on the output, the annotation, the pictures and the drawing."""
         yield from film_notes(self.output.spec)
         yield from annotation_notes(self.stage)
-        yield from (each.note for each in self.glances if each.word != NOTHING)  # the records of frames tell more
+        # That nothing is visible is left out, as the records of frames tell more about it.
+        yield from (each.note for each in self.glances if each.word != NOTHING)
         yield from self.executor.notes
 
     def _notes_on_original(self, devices: Sequence[str]) -> Iterator[str]:
@@ -298,7 +313,7 @@ class FilmInProgress:
 
 
 def one_pass(film: FilmInProgress) -> JobResult:
-    """Draw the film as the scene requests it, and write it. Until then, its finished frames are kept."""
+    """Draw the film as the scene requests it, and write it. Until it is written, a checkpoint keeps finished frames."""
     plan, output = film.plan(LODCostEstimator(film.stage)), film.output
     if not film.resumes:
         remove_checkpoint_frames(output.folder, output.spec, output.frames)
@@ -316,10 +331,11 @@ def one_pass(film: FilmInProgress) -> JobResult:
 
 
 def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan) -> FrameCheckpoint:
-    """Return the finished frames that the job would draw alike; tell their number, and why others are drawn again.
+    """Return a checkpoint with the finished frames that this job would draw alike.
 
-    The sidecar of another film stays until this film has its own, even while the frames of this film replace the other
-    ones: this film may be made from that sidecar, and the digests in it expose the mixture.
+    The listener is told their number, and why other finished frames are drawn again. The sidecar of another film stays
+    until this film has its own, even while frames of this film replace frames of the other: this film may be made from
+    that sidecar, and the digests in that sidecar show which frames were replaced.
     """
     output, events, fingerprint, existing = film.output, film.events, film.fingerprint, film.existing
     checkpoint = FrameCheckpoint(output.folder, output.spec, output.frames, fingerprint)
@@ -341,24 +357,27 @@ def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan) -> FrameCheckpoint:
 
 
 def _matches_plan(plan: FilmPlan, record: FrameRecord) -> bool:
-    """Return whether a finished frame has the tolerance of the plan. On a time budget it may have any."""
+    """Return whether a finished frame has the tolerance of the plan.
+
+    On a budget of seconds, the frame may have any tolerance, but must have been drawn on a budget, too.
+    """
     if plan.is_timing_dependent:
         return record.predicted_seconds is not None
     return record.tolerance == tolerance_at(plan.stage.scene.error, record.frame)
 
 
 def _tell_resumable(film: FilmInProgress, checkpoint: FrameCheckpoint) -> None:
-    """Tell, when the work ends early, how many frames are kept, and which command resumes."""
+    """Tell the listener, when the job ends early, how many frames are kept, and which command resumes the job."""
     file, output = film.output.spec.file, film.output
     if checkpoint.records and output.folder.is_dir():
         command = "the same command" + " without --force" * (not film.resumes)
-        if not film.resumes and not output.spec.is_frames and file.exists():  # and may be up to date
+        if not film.resumes and not output.spec.is_frames and file.exists():  # an up-to-date film would not be redrawn
             command += f", once {file} is removed,"
         film.events.note(f"{_finished_text(film, checkpoint)} kept; {command} resumes there")
 
 
 def _finished_text(film: FilmInProgress, checkpoint: FrameCheckpoint) -> str:
-    """Return `1 of 5 frames is`, `4 of 5 frames are`."""
+    """Return the beginning of a sentence on the frames of a checkpoint: `1 of 5 frames is`, `4 of 5 frames are`."""
     num = len(checkpoint.records)
     return f"{num} of {counted(len(film.output.frames), 'frame')} {'is' if num == 1 else 'are'}"
 

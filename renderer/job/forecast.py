@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # these rooms load numpy, and a listener does not need it
+if TYPE_CHECKING:  # these rooms load numpy, which a listener does not need
     from renderer.accuracy import Glance
     from renderer.draw import BrickMemory
 
@@ -16,7 +16,8 @@ if TYPE_CHECKING:  # these rooms load numpy, and a listener does not need it
 class Forecast:
     """A prediction of the cost of a film: seconds, and the bytes of each output by its file.
 
-    glances: the faults of its pictures, if these were looked at. brick_memory: the memory of bricks, as of an Executor.
+    glances: the faults of the film's pictures, if pictures were looked at. brick_memory: the bytes that the visible
+    bricks need, and may take; None if no bricks were drawn here.
     """
 
     seconds: float
@@ -26,11 +27,11 @@ class Forecast:
 
     @property
     def seconds_text(self) -> str:
-        """Return `2.1 s`, `35 s` or `12 min`."""
+        """Return the predicted time as text: `2.1 s`, `35 s` or `12 min`."""
         return f"{self.seconds:.2g} s" if self.seconds < 99.5 else f"{self.seconds / 60:.0f} min"
 
     def bytes_text(self, files: Collection[Path]) -> str:
-        """Return `35 kB`, `2.1 MB` or `850 MB`, the sum of some files."""
+        """Return the predicted size of some files together as text: `35 kB`, `2.1 MB` or `850 MB`."""
         kilobytes = sum(self.num_bytes.get(file, 0.0) for file in files) / 1e3
         number, unit = (kilobytes, "kB") if kilobytes < 99.5 else (kilobytes / 1e3, "MB")
         return f"{number:.2g} {unit}" if number < 99.5 else f"{number:.0f} {unit}"

@@ -38,10 +38,10 @@ from renderer.record import (
 from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
 from renderer.system import overlap
 
-# The most frames that are decoded from a finished file and compared with the drawn frames. Decoding a whole film takes
-# a tenth of the time of its encoding.
+# The largest number of frames that are decoded from a finished film and compared with the drawn frames. Decoding a
+# whole film would take a tenth of the time of its encoding.
 _MAX_COMPARED = 8
-# The most bytes of pictures that are kept for this comparison.
+# The largest number of bytes of drawn pictures that are kept, to compare them with the decoded frames of a film.
 _MAX_COMPARED_BYTES = 2**26
 
 
@@ -51,7 +51,8 @@ class OutputWriter:
 
     frames: the numbers of the frames, ascending.
     folder: the folder for unfinished work.
-    first_pictures: the first pictures of each file that was written last. They are compared with the decoded file.
+    first_pictures: the first pictures of each file, as the last call of `write_frames` wrote them. They are compared
+        with the decoded file.
     """
 
     spec: OutputSpec
@@ -72,13 +73,14 @@ class OutputWriter:
     ) -> list[FrameRecord]:
         """Write the frames of a store and newly drawn frames to all files, and return the records of all frames.
 
-        drawn: yields the frames that the store lacks, in their order; they are saved there.
+        drawn: a generator of the frames that the store lacks, in their order. They are saved in the store.
         label: the name of the film, or of its pass, for the listener.
         defer_interrupts: called before files get their final names.
-        is_overlapped: whether a frame is stored while the next one is drawn. If not, the time counts for the frame.
+        is_overlapped: whether a frame is stored while the next one is drawn. If not, the time of storing it is part of
+            the frame's time.
         """
         missing = frozenset(self.frames).difference(store.records)
-        # If no frame is missing, the listener hears of the frames that are written.
+        # If no frame is missing, the listener is told the frames that are written.
         shown = missing or frozenset(self.frames)
         events.started(label, len(shown))
         # The pictures of the store may already be the files of the first output.
@@ -106,14 +108,14 @@ class OutputWriter:
             write = partial(self._write_and_remember, write_to_films)
             keep = partial(_store_frame, store=store, write=write, missing=missing)
             stored = overlap(frames(), keep) if is_overlapped else (keep(frame) for frame in frames())
-            # However the block ends, each drawn frame is stored before.
+            # However the block ends, each drawn frame is stored before the block is left.
             with contextlib.closing(stored):
                 for record in stored:
                     records.append(record)
                     if record.frame in shown and not failures:
                         try:
                             events.frame_finished(record)
-                        except Exception as error:  # a listener may end the film; frames in progress are stored
+                        except Exception as error:  # a listener may end the job; frames in progress are still stored
                             failures.append(error)
             if failures:
                 raise failures[0]
@@ -136,9 +138,9 @@ class OutputWriter:
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
         """Write the sidecar of a film. Return its record, in which paths are relative to the sidecar.
 
-        fingerprint: the fingerprint of a film that is up to date from now on; None for a film that the next job makes
-        again. With a fingerprint, the record has the digest of each film in one file. The records of numbered frames
-        have digests in any case.
+        fingerprint: the fingerprint of the film, by which the next job sees that it is up to date; None for a film that
+        the next job makes again. With a fingerprint, the record gets the digest of each film in one file. The records
+        of numbered frames have digests in any case.
         """
         films, accuracy = [each for each in self.shown if not each.is_frames], record.accuracy
         digests = {} if fingerprint is None else {each.file: _digest(each.file) for each in films}
@@ -163,7 +165,7 @@ class OutputWriter:
         return record
 
     def remove_mark(self) -> None:
-        """Remove the mark of a film whose files are newer than its sidecar: now the sidecar describes them."""
+        """Remove the mark that the files of the film are newer than its sidecar, as the sidecar now describes them."""
         with translate_os_errors(self.sidecar):
             naming_mark(self.spec, self.sidecar).unlink(missing_ok=True)
 
@@ -174,9 +176,11 @@ class OutputWriter:
 
 @contextlib.contextmanager
 def open_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path, *, resumes: bool) -> Iterator[OutputWriter]:
-    """Lock an output, and return its writer. Raises as `renderer.film.locked_output`, and if its encoder is missing.
+    """Lock an output, and yield its writer.
 
-    resumes: whether files that this film has not made are kept: raises InputError where such a file is in the way.
+    resumes: whether files that this film has not made are kept; InputError is raised if such a file is in the way.
+    Raises OutputLockedError if another job is writing the output, and InputError or RenderError if a file cannot be
+    written or an encoder is missing.
     """
     with locked_output(spec, frames, sidecar) as folder:
         if resumes:
@@ -230,6 +234,6 @@ def _store_frame(frame: DrawnFrame, *, store: FrameStore, write: WriteFrame, mis
     is_new = frame.record.frame in missing
     record = store.save(frame) if is_new else frame.record
     write(record.frame, frame.pictures)
-    if store.is_output and not is_new:  # its first picture was already in its file
+    if store.is_output and not is_new:  # the frame's file was already there, so nothing was encoded
         return record
     return replace(record, seconds={**record.seconds, "encode": time.perf_counter() - before})

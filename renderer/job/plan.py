@@ -36,7 +36,8 @@ from renderer.system import num_cores
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not search for an accuracy
     from renderer.accuracy import FoundTolerances, Trial
 
-# The most time of a trial drawing, as a fraction of the least time budget of a frame. A longer trial tells no more.
+# Trial drawings become larger until one takes this fraction of the smallest budget of seconds of a frame. A longer
+# trial would tell no more.
 _MAX_TRIAL_FRACTION = 0.3
 
 
@@ -66,9 +67,9 @@ def make_plan(
     events: JobEvents,
     on_step: Callable[[], None] = lambda: None,
 ) -> FilmPlan:
-    """Find the tolerances for the goal of the scene, if it has one. Each trial of a search is told to the listener.
+    """Find the tolerances for the goal of the scene, if it has one. The listener is told each trial of a search.
 
-    rasterizer: opens the rasterizer for trial frames; called for goals of accuracy and of time.
+    rasterizer: a function that opens the rasterizer for trial frames; called for goals of accuracy and of time.
     on_step: called before each trial drawing; an error that it raises ends the search.
     """
     stage = estimator.stage
@@ -92,7 +93,10 @@ def _plan_time(
     rasterizer: Rasterizer,
     on_step: Callable[[], None],
 ) -> FilmPlan:
-    """Measure the costs of drawing, and prepare the first frame before its time begins."""
+    """Return the plan for a budget of seconds.
+
+    The costs of drawing are measured by trials, and the first frame is prepared before its time begins.
+    """
     least, clock = min(value_at(goal.value, frame) for frame in frames), time.perf_counter
     calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
     controller = BudgetController(estimator, lambda frame: value_at(goal.value, frame))
@@ -109,7 +113,10 @@ def search_tolerances(
     events: JobEvents,
     on_step: Callable[[], None],
 ) -> FoundTolerances:
-    """Search, by exact rays, for the coarsest tolerances with this accuracy. Parameters are as in `make_plan`."""
+    """Search, by exact rays, for the coarsest tolerances at which the frames have this accuracy.
+
+    The listener is told each trial. on_step: called after each trial; an error that it raises ends the search.
+    """
     from renderer.accuracy import ExactRays, find_tolerances
 
     def tell(trial: Trial) -> None:
@@ -135,9 +142,9 @@ def _plan_accuracy(stage: FilmStage, goal: MetricTarget, found: FoundTolerances)
 def find_shortfall(
     plan: FilmPlan, scene: FilmScene, requested: ErrorSpec, frames: Sequence[FrameRecord]
 ) -> RenderError | None:
-    """Return the error for a film without the requested accuracy; None if it has it.
+    """Return the error for a film that lacks the requested accuracy; None if it has this accuracy.
 
-    scene: the scene with its goal. The scene of the plan has tolerances in its place.
+    scene: the scene with its goal. The scene of the plan has tolerances in place of the goal.
     """
     if plan.is_unfinished:
         return not_refined(scene.output.file.name, requested, frames)
@@ -147,7 +154,10 @@ def find_shortfall(
 def schedule_record(
     plan: FilmPlan, job: FilmJob, frames: Sequence[FrameRecord], shortfall: RenderError | None
 ) -> ScheduleRecord:
-    """Return the record of the accuracy: the original's, if the film is made again with the same request."""
+    """Return the record of the requested accuracy, the tolerances, and whether the request was met.
+
+    If a film is made again with the same request, it is the record of the original, with the tolerances of this film.
+    """
     schedule = ScheduleRecord(
         job.requested,
         min_max([frame.tolerance for frame in frames]),
@@ -170,6 +180,6 @@ def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
     found = plan.found
     if found is None:
         return None
-    # The PSNR of equal pictures is infinite.
+    # The PSNR of equal pictures is infinite, which JSON cannot have.
     worst = found.worst.value if isfinite(found.worst.value) else None
     return MeasuredRecord(found.want.metric, found.worst.frame, found.tried, worst)

@@ -1,8 +1,8 @@
 """Plan the passes of a film that refines while time remains: complete films, each more exact than the one before.
 
-The first pass has few cells and is finished soon. Its frames and some trial frames show the cost of drawing here. Each
-following pass takes 8 times as long, and the last one has the accuracy that the scene requests. So all passes together
-take little longer than the last one alone.
+The first pass has few cells and is finished soon. Its frames and some trial frames show the cost of drawing on this
+machine. Each following pass takes about 8 times as long as the pass before, and the last pass has the accuracy that the
+scene requests. So all passes together take little longer than the last pass alone.
 """
 
 from __future__ import annotations
@@ -46,33 +46,33 @@ from renderer.scene import (
 )
 from renderer.system import deferrable_interrupts
 
-# The time of a frame of the first pass, as a multiple of the time of the first picture that shows anything. With few
-# cells the pixels cost most, so a first pass that takes a little longer has many more cells.
+# The time of a frame of the first pass, as a multiple of the time of the coarsest picture that shows anything. With few
+# cells, most time goes to pixels, so that a first pass that takes a little longer has many more cells.
 _FIRST_PASS_FACTOR = 1.3
 # The time of each pass, as a multiple of the time of the pass before.
 _PASS_FACTOR = 8.0
-# The least multiple of the time of the pass before with which a pass is worth its time.
+# A pass is worth drawing only if it takes at least this many times as long as the pass before.
 _MIN_PASS_FACTOR = 3.0
-# The most time of the trial frames that show the cost of more cells, as a fraction of the time of a frame of the last
-# pass.
+# Trial frames that show the cost of more cells become larger until one takes this fraction of the time of a frame of
+# the last pass.
 _TRIAL_FRACTION = 0.1
-# The most time of these trial frames, in seconds.
+# Trial frames that show the cost of more cells become larger until one takes this many seconds.
 _MAX_TRIAL_S = 0.5
-# The most predicted time of a pass, as a fraction of the remaining time.
+# A pass after the first is begun only if it is predicted to take at most this fraction of the time until the deadline.
 _SAFE_FRACTION = 0.9
-# The number of frames from which the time of a pass is predicted.
+# The number of frames from which the time of the last pass is predicted.
 _NUM_SAMPLED_FRAMES = 3
-# The most bytes of the pictures of a pass that are kept, to compare them with the pictures of the next pass.
+# The largest number of bytes of a pass's pictures that are kept, to compare them with the pictures of the next pass.
 _MAX_COMPARED_BYTES = 2**26
 
 
 class DeadlineReached(Exception):  # noqa: N818  no error
-    """A signal that the deadline is reached and the pass is given up."""
+    """The exception by which a pass is given up because the deadline is reached. It is no error."""
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """A way to make a film in passes. Each is a complete film and replaces the one before; no frames are kept.
+    """A way to make a film in passes. Each pass is a complete film and replaces the pass before; no frames are kept.
 
     time_limit: the seconds from the start of the job to the deadline. The first pass is drawn in any case.
     best_effort: whether an interrupt after the first pass is no error.
@@ -101,14 +101,19 @@ class Refinement:
 
 
 class Pass(NamedTuple):
-    """A film to draw. frame_seconds: the predicted mean seconds of a frame."""
+    """A pass to draw: a complete film. frame_seconds: the predicted mean seconds of a frame."""
 
     plan: FilmPlan
     frame_seconds: float
 
 
 class _Work(NamedTuple):
-    """An estimate of the work of a frame: the seconds to draw it and to sort it. size: the size, as of a Primitive."""
+    """An estimate of the work of a frame.
+
+    typical_seconds: the seconds that a software renderer on two cores would take to draw it, from which the estimator
+        predicts the seconds of this machine.
+    order_seconds: the seconds to sort it. size: the size of its level of detail, as the primitive defines it.
+    """
 
     typical_seconds: float
     order_seconds: float
@@ -118,7 +123,8 @@ class _Work(NamedTuple):
 class Refiner:
     """A planner of passes, which plans each pass by the times of the frames before it.
 
-    deadline: the time by `perf_counter`. passes: the records of the passes so far. made: the film of the last pass.
+    deadline: the time, by `perf_counter`, at which the last pass must be finished. passes: the records of the passes
+    that are finished. made: the result of the last of them; None before the first is finished.
     """
 
     def __init__(self, film: FilmInProgress, deadline: float) -> None:
@@ -130,13 +136,13 @@ class Refiner:
         self.made: JobResult | None = None
 
     def plan_passes(self) -> Iterator[Pass]:
-        """Yield as many passes as there is time for. Each is planned when the one before it is finished.
+        """Yield as many passes as there is time for. Each pass is planned when the pass before it is finished.
 
-        Raises DeadlineReached.
+        Raises DeadlineReached if the time ends while a pass is planned.
         """
         primitive = self._estimator.primitive
         initial_tolerance = primitive.tolerance_for_size(primitive.initial_size)
-        for _ in range(2):  # the first time includes the loading of the kernels
+        for _ in range(2):  # the first call also loads the kernels, and its time does not count
             initial = self._estimator.make_draw_list(self._frames[0], initial_tolerance, _stopwatch())
         first = _FIRST_PASS_FACTOR * self._estimator.predict(initial)
         if self._may_skip_first_pass(first):
@@ -165,7 +171,7 @@ class Refiner:
             yield self._pass_within(wanted, plan.stage.scene.error)
 
     def require_time(self) -> None:
-        """Raise DeadlineReached where the deadline is reached and a pass is finished."""
+        """Raise DeadlineReached if the deadline is reached and a pass is finished."""
         if self.passes and time.perf_counter() > self._deadline:
             raise DeadlineReached
 
@@ -176,12 +182,12 @@ class Refiner:
         with deferrable_interrupts() as defer_interrupts:
             frames = film.write_frames(each.plan, self._store, label, defer_interrupts, self.require_time)
             self._record_pass(each, start, frames)
-            # A deferred interrupt ends the block, so the film is kept before.
+            # A deferred interrupt is raised at the end of the block. By then, the result of the pass is set.
             self.made = film.finish(each.plan, frames, passes=self.passes)
             film.events.pass_finished(self._summary(frames))
 
     def _record_pass(self, each: Pass, start: float, frames: Sequence[FrameRecord]) -> None:
-        """Record the pass that has just drawn these frames."""
+        """Add the record of the pass that has just drawn these frames. start: the time at which the pass began."""
         now = time.perf_counter()
         self.passes.append(
             PassRecord(
@@ -195,7 +201,7 @@ class Refiner:
         )
 
     def _summary(self, frames: Sequence[FrameRecord]) -> str:
-        """Return a line about the last pass."""
+        """Return a line about the last finished pass, which drew these frames."""
         last, noun = self.passes[-1], self._film.stage.scene.primitive_name
         facts = [
             f"pass {len(self.passes)}: tolerance {range_text(last.tolerance)}",
@@ -208,10 +214,10 @@ class Refiner:
         return ", ".join(facts)
 
     def _may_skip_first_pass(self, first: float) -> bool:
-        """Return whether the last pass may have so few cells that a first pass of `first` seconds a frame is useless.
+        """Return whether the last pass may have so few cells that a coarser pass before it is useless.
 
-        The decision does without the cut of the last pass, which may take long to make. A search for an accuracy always
-        takes long.
+        first: the predicted seconds of a frame of the first pass. The cut of the last pass is not made to decide this,
+        as it may take long. If the goal is an accuracy, the search for it takes long, and no pass is skipped.
         """
         goal, frames = self._error.goal, self._frames
         if isinstance(goal, MetricTarget):
@@ -233,7 +239,7 @@ class Refiner:
         return plan
 
     def _work(self, plan: FilmPlan) -> list[_Work]:
-        """Return the work of some frames of the last pass."""
+        """Return the estimated work of some frames of the last pass. plan: the plan of the last pass."""
         goal = self._error.goal
         sampled_frames = spread_evenly(self._frames, _NUM_SAMPLED_FRAMES, is_loop=True)
         if isinstance(goal, TimeBudget):
@@ -251,7 +257,7 @@ class Refiner:
         ]
 
     def _seconds(self, work: Sequence[_Work]) -> float:
-        """Return the predicted mean seconds of a frame of the last pass."""
+        """Return the predicted mean seconds of a frame of the last pass. work: the work of some of its frames."""
         return statistics.fmean(self._estimator.seconds(each.typical_seconds, each.order_seconds) for each in work)
 
     def _calibrate_costs(self, work: Sequence[_Work]) -> None:
@@ -271,7 +277,10 @@ class Refiner:
         )
 
     def _pass_within(self, seconds: float, finest: ErrorSpec) -> Pass:
-        """Return a pass with frames that take these seconds and have no finer tolerance than this accuracy."""
+        """Return a pass whose frames are predicted to take these seconds each.
+
+        finest: the tolerances or the goal of the last pass; no frame is drawn at a finer tolerance.
+        """
         goal, stage = self._error.goal, self._estimator.stage
         if isinstance(goal, TimeBudget):
             budgets = {frame: min(seconds, value_at(goal.value, frame)) for frame in self._frames}
@@ -289,9 +298,10 @@ class Refiner:
 
 
 def _next_frame_seconds(before: float, last: float) -> float:
-    """Return the seconds of a frame of the next pass: `last`, divided by 8 as often as the next pass is worth its time.
+    """Return the seconds of a frame of the next pass.
 
-    before: the seconds of a frame of the pass before. last: the seconds of a frame of the last pass.
+    before: the seconds of a frame of the pass that is finished. last: the seconds of a frame of the last pass. They are
+    divided by _PASS_FACTOR as often as the result stays at least _MIN_PASS_FACTOR times as long as `before`.
     """
     wanted = last
     while wanted / _PASS_FACTOR >= _MIN_PASS_FACTOR * before:
@@ -304,7 +314,7 @@ def _stopwatch() -> Stopwatch:
 
 
 class ComparedFrames(FrameStore):
-    """A store that keeps no frames, and compares some of them, spread over the film, with the pass before."""
+    """A store that keeps no frames. It compares some frames, spread over the film, with those of the pass before."""
 
     def __init__(self, output: OutputSpec, frames: Sequence[int]) -> None:
         super().__init__(output, {}, lambda _number, _kind: output.file)
@@ -324,7 +334,10 @@ class ComparedFrames(FrameStore):
         return super().save(frame)
 
     def finish_pass(self) -> DifferenceRecord | None:
-        """Return the root mean square change of pixels and channels in [0, 1]; None for the first pass."""
+        """Return the root mean square difference from the pass before, of pixels and channels in [0, 1].
+
+        Return None for the first pass.
+        """
         squares, self._squares = self._squares, []
         if not squares:
             return None

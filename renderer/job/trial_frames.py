@@ -1,4 +1,4 @@
-"""Predict the cost of a film here, in seconds and in bytes, by drawing and encoding some of its frames."""
+"""Predict the cost of a film on this machine, in seconds and in bytes, by drawing and encoding some of its frames."""
 
 from __future__ import annotations
 
@@ -26,13 +26,16 @@ from renderer.scene import FilmScene, OutputFile
 from renderer.system import overlap
 from renderer.volume import Float64
 
-# The number of frames that are drawn at each place along the path. They follow upon each other as in the film: a frame
-# after another costs less than the first, and encoders of video need a few frames to show the bytes that one more adds.
+# The number of frames that are drawn at each place along the path to predict the cost of a film. They are successive:
+# a frame after another costs less than the first, and encoders need a few frames to show the bytes that one more adds.
 NUM_NEIGHBOURS = 3
 
 
 class Trial(NamedTuple):
-    """Some successive frames that are drawn to predict a film. num: the number of its frames that they stand for."""
+    """Some successive frames that are drawn to predict the cost of a film.
+
+    num: the number of frames of the film whose cost is predicted from these frames.
+    """
 
     frames: Sequence[int]
     num: int
@@ -43,7 +46,8 @@ def forecast_frames(
 ) -> Forecast:
     """Predict the cost of a film of these frames by drawing some of them.
 
-    start: the time by `perf_counter` at which the work began. num_places: as of `choose_trials`.
+    start: the time by `perf_counter` at which the work began.
+    num_places: the number of places along the path at which frames are drawn, at least one.
     """
     trials = choose_trials(stage.scene, frames, num_places)
     numbers = [number for trial in trials for number in trial.frames]
@@ -76,7 +80,7 @@ def forecast_frames(
 
 
 def _encode_pictures(frame: DrawnFrame) -> DrawnFrame:
-    """Return the frame with pictures that are encoded as in a checkpoint, and with the time of this encoding."""
+    """Encode the pictures of a frame as a checkpoint does, and return the frame with the time of this in its record."""
     start = time.perf_counter()
     for picture in frame.pictures.values():
         _ = picture.content
@@ -85,17 +89,22 @@ def _encode_pictures(frame: DrawnFrame) -> DrawnFrame:
 
 
 def _longest_stage(record: FrameRecord) -> float:
-    """Return the seconds of one more frame like this one: of its longest stage, since the stages overlap."""
+    """Return the seconds that one more frame like this one adds to a film.
+
+    A frame is drawn, the frame before it is finished, and the one before that is encoded at the same time, so that the
+    longest of these three counts.
+    """
     finishing = sum(record.seconds.get(step, 0.0) for step in FINISHING_STEPS)
     encoding = record.seconds["encode"]
     return max(record.total_seconds - finishing - encoding, finishing, encoding)
 
 
 def choose_trials(scene: FilmScene, frames: Sequence[int], num_places: int = 3) -> list[Trial]:
-    """Return trials of a film: of frames with a new layer, of frames without one, and of files that skip frames.
+    """Return the trials by which the cost of a film is predicted.
 
-    num_places: the number of places along the path with trials, at least one. Of a file that skips frames, the first
-    frames that it shows are drawn, too.
+    There are trials of frames for which layers are made anew, of frames without new layers, and, for each file that
+    skips frames, of the first two frames that it shows.
+    num_places: the number of places along the path with trials, at least one.
     """
     runs = [run for number in range(len(scene.film_layers)) for run in frames_of_new_layers(scene, number)]
     anew = {frame for first, last in runs for frame in range(first, last + 1)}
@@ -114,7 +123,7 @@ def choose_trials(scene: FilmScene, frames: Sequence[int], num_places: int = 3) 
 
 
 def film_cost(output: OutputFile, pictures: Sequence[Picture], frames: Sequence[int]) -> Float64:
-    """Return the seconds to encode a film of these frames, and its bytes, if all frames are like these pictures."""
+    """Return the seconds to encode a film of these frames, and its bytes, as predicted from some of its pictures."""
     one, several = np.array([_encode(output, pictures[:1]), _encode(output, pictures)])
     following = one if len(pictures) == 1 else np.maximum(several - one, 0.0) / (len(pictures) - 1)
     total: Float64 = one + (sum(map(output.shows, frames)) - 1) * following
@@ -122,7 +131,7 @@ def film_cost(output: OutputFile, pictures: Sequence[Picture], frames: Sequence[
 
 
 def _encode(output: OutputFile, pictures: Sequence[Picture]) -> tuple[float, float]:
-    """Write a film of these pictures alone, and return the seconds and the bytes of it."""
+    """Write a film of these pictures to a temporary folder, and return the seconds and the bytes that it takes."""
     start = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
         film = replace(output, file=Path(folder) / output.file.name, every=1, frame=None)

@@ -8,7 +8,7 @@ Importing it imports no numpy. Files are untrusted: every importer checks all va
 - `look.py`: `Look`, and its points in data units
 - `look_file.py`: text, numbers, curves, JSON and XML of a file, with errors that name the place
 - `curves.py`: piecewise linear curves, merged, and made linear in extinction
-- `color_spaces.py`: colours between two points
+- `color_spaces.py`: colours between two points, in ParaView's colour spaces
 - `paraview.py`, `slicer.py`, `voreen.py`, `inviwo.py`, `mricrogl.py`, `niivue.py`, `imagej.py`, `fsleyes.py`: an
   importer for each program
 - `color_tables.py`: tables of colours that several importers share

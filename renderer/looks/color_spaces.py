@@ -11,31 +11,37 @@ from operator import itemgetter
 
 from renderer.looks.curves import Curve, CurvePoint, Numbers, mix
 
-# The smallest step between added points, as a share of the way between two given points.
+# The smallest step between points that are added to a curve of colours, as a share of the way between two given points.
 _SMALLEST_SHARE = 1 / 64
-# The largest step between added points, as a share of the way between two given points.
+# The largest step between points that are added to a curve of colours, as a share of the way between two given points.
 _LARGEST_SHARE = 1 / 4
-# The largest difference of a colour from the straight line in RGB: half a step of 8 bits.
+# No point is added to a curve of colours where its colours differ by at most this from a straight line in RGB: half a
+# step of 8 bits.
 _SAME_COLOR = 0.5 / 255
-# The matrices and the white point of sRGB with D65 (IEC 61966-2-1).
+# The matrix from linear sRGB to CIE XYZ (IEC 61966-2-1).
 _XYZ_FROM_RGB = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505))
+# The matrix from CIE XYZ to linear sRGB (IEC 61966-2-1).
 _RGB_FROM_XYZ = ((3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570))
+# The white point of sRGB, D65, in CIE XYZ (IEC 61966-2-1).
 _WHITE = (0.9505, 1.0, 1.089)
-# The share of white below which CIE L*a*b* is linear.
+# CIE L*a*b* depends linearly on X, Y and Z below this share of white, and by a cube root above it.
 _DARK = 0.008856
 # The slope of the linear part of CIE L*a*b*.
 _SLOPE = 7.787
-# The saturation up to which a colour is grey in Msh, polar L*a*b*, by Moreland, "Diverging Color Maps for Scientific
-# Visualization", 2009.
+# A colour is grey if its saturation in Msh, which is L*a*b* in polar coordinates, is at most this (Moreland, "Diverging
+# Color Maps for Scientific Visualization", 2009).
 _GRAY_SATURATION = 0.05
-# The largest difference between two hues, in radians, at which Moreland puts no white between them.
+# Diverging colormaps have white between two colours whose hues differ by more than this, in radians (Moreland 2009).
 _SIMILAR_HUES = math.pi / 3
-# The least magnitude of the white that Moreland puts between two hues.
+# The least magnitude, in Msh, of the white between the two hues of a diverging colormap (Moreland 2009).
 _WHITE_MAGNITUDE = 88.0
 
 
 def in_color_space(curve: Curve, space: str) -> Iterator[CurvePoint]:
-    """Yield the points of a curve of colours, with further points where colours between them are not linear in RGB."""
+    """Yield the points of a curve of colours, with further points where its colours are not linear in RGB.
+
+    space: the name of the colour space in which colours between two points are interpolated.
+    """
     between = _BETWEEN.get(space)
     yield curve[0]
     for (low, first), (high, second) in pairwise(curve):
@@ -48,7 +54,11 @@ def in_color_space(curve: Curve, space: str) -> Iterator[CurvePoint]:
 
 
 def _needed(color_at: Callable[[float], Numbers], first: CurvePoint, second: CurvePoint) -> Iterator[CurvePoint]:
-    """Yield the points that are needed between two others, each with its share of the way and its colour."""
+    """Yield the points that a curve needs between two points, so that straight lines in RGB give the same colours.
+
+    Points are pairs: the share of the way between two given points, and a colour. color_at: returns the colour at a
+    share of the way.
+    """
     size = second[0] - first[0]
     if size <= _SMALLEST_SHARE:
         return
@@ -83,7 +93,10 @@ def _between_msh(first: Numbers, second: Numbers, share: float) -> Numbers:
 
 
 def _hue_towards_gray(full: Numbers, gray_magnitude: float) -> float:
-    """Return the hue of grey towards which a saturated colour fades in steps that look even."""
+    """Return the hue that grey is given, so that a saturated colour fades to grey in steps that look even.
+
+    full: the magnitude, saturation and hue of the colour. gray_magnitude: the magnitude of the grey (Moreland 2009).
+    """
     magnitude, saturation, hue = full
     if magnitude >= gray_magnitude:
         return hue
@@ -97,7 +110,7 @@ def _msh_from_lab(lab: Numbers) -> Numbers:
 
 
 def lab_from_rgb(color: Numbers) -> Numbers:
-    """Return the lightness, a and b of CIELAB of an sRGB colour in [0, 1]."""
+    """Return the CIELAB coordinates of a colour: lightness, a and b. color: sRGB, from 0 to 1."""
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in color]
     x, y, z = (sum(a * b for a, b in zip(row, linear, strict=True)) / white
                for row, white in zip(_XYZ_FROM_RGB, _WHITE, strict=True))  # fmt: skip
@@ -106,7 +119,7 @@ def lab_from_rgb(color: Numbers) -> Numbers:
 
 
 def rgb_from_lab(lab: Numbers) -> Numbers:
-    """Return the sRGB colour in [0, 1] of lightness, a and b of CIELAB."""
+    """Return the sRGB colour, from 0 to 1, that has the given CIELAB coordinates. lab: lightness, a and b."""
     v = (lab[0] + 16) / 116
     roots = (v + lab[1] / 500, v, v - lab[2] / 200)
     xyz = [(root**3 if root**3 > _DARK else (root - 16 / 116) / _SLOPE) * white
@@ -117,12 +130,12 @@ def rgb_from_lab(lab: Numbers) -> Numbers:
     return max(r / brightest, 0.0), max(g / brightest, 0.0), max(b / brightest, 0.0)
 
 
-# The interpolation of colours in each space, by its name.
+# The functions that interpolate between two colours, by the name of the colour space.
 _BETWEEN: dict[str, Callable[[Numbers, Numbers, float], Numbers]] = {
     "lab": _between_lab,
     "cielab": _between_lab,
     "hsv": _between_hsv,
     "diverging": _between_msh,
 }
-# The names of all spaces; colours of `step` do not change between two points.
+# The names of the colour spaces that are read. In `step`, colours do not change between two points.
 COLOR_SPACES = {"rgb", "step", *_BETWEEN}

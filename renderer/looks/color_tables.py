@@ -10,21 +10,22 @@ from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 from renderer.volume import Label
 
+# A transparent colour: red, green, blue and opacity.
 _CLEAR = (0.0, 0.0, 0.0, 0.0)
 
 
 def even_look(file: LookFile, rows: Sequence[Sequence[Any]], white: float, last: float = 0.0) -> Look:
-    """Return a look with colours at even distances over a range.
+    """Return a look with colours at even distances over a range of values.
 
-    rows: for each colour its place in the file (for messages), red, green and blue. last: the index of the row at the
-    end of the range, if that is not the last row.
+    rows: for each colour its place in the file (for messages), red, green and blue. white: the number that stands for
+    full red, green or blue. last: the index of the row at the end of the range; 0 for the last row.
     """
     end = last or max(len(rows) - 1, 1)
     return Look(file.curve(((at, k / end, *rgb) for k, (at, *rgb) in enumerate(rows)), 3, white), is_share=True)
 
 
 def table_look(file: LookFile, rows: Iterable[Sequence[Any]], lowest: object, highest: object) -> Look:
-    """Return a look with colours at intensities of a range.
+    """Return a look with colours at given intensities: positions in a range of values, from 0 to 255.
 
     rows: for each colour its place in the file (for messages), its intensity, red, green, blue and alpha, from 0 to
         255.

@@ -8,16 +8,20 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from operator import itemgetter
 
+# Red, green and blue, from 0 to 1.
 Color = tuple[float, float, float]
+# The numbers that a curve has at a value, such as red, green, blue and opacity.
 Numbers = tuple[float, ...]
+# A point of a curve: a value, and the numbers at this value.
 CurvePoint = tuple[float, Numbers]
-# Points in order of their values. A curve is linear between points, constant outside, and has a step at two points of
-# one value.
+# A piecewise linear curve: points, sorted by value. It is constant outside the first and the last point, and has a step
+# where two points have the same value.
 Curve = Sequence[CurvePoint]
 
-# The largest difference of opacities from a straight line between two points.
+# The largest difference between an opacity on a straight line between two points of another program's curve and the
+# opacity that hsplat draws there.
 MAX_OPACITY_ERROR = 1e-3
-# The optical depth that stands for opacity 1, in place of infinity. No picture shows the difference.
+# The optical depth of opacity 1, in place of infinity. No picture shows the difference.
 OPAQUE_DEPTH = 40.0
 
 _VALUE = itemgetter(0)
@@ -43,21 +47,23 @@ def _sides(curve: Curve, at: float) -> tuple[Numbers, Numbers]:
     if begin < end or begin in (0, len(curve)):
         return curve[min(begin, len(curve) - 1)][1], curve[max(end - 1, 0)][1]
     (low, before), (high, after) = curve[begin - 1], curve[begin]
-    # Differences of halves, as the difference may be too large for a float. Halves of the smallest floats are 0.
+    # Halves are subtracted, because the difference of two values may be too large for a float. The divisor is bounded,
+    # because the halves of the smallest floats are 0.
     share = (at / 2 - low / 2) / max(high / 2 - low / 2, math.ulp(0.0))
     between = mix(before, after, share)
     return between, between
 
 
 def mix(first: Numbers, second: Numbers, share: float) -> Numbers:
-    """Return the numbers at a share of the way from the first numbers to the second."""
+    """Return the numbers at the share `share` of the way from the numbers `first` to the numbers `second`."""
     return tuple(a + share * (b - a) for a, b in zip(first, second, strict=True))
 
 
 def linear_in_extinction(curve: Curve) -> Iterator[CurvePoint]:
-    """Yield the points of a curve whose last number is an opacity, with further points where they are needed.
+    """Yield the points of a curve with opacities, with further points, so that extinctions may be interpolated.
 
-    hsplat interpolates extinctions, and gets nearly the same opacities as programs that interpolate opacities.
+    hsplat interpolates extinctions between points. With the further points, it gets nearly the same opacities as
+    programs that interpolate opacities. curve: the last number of each point is an opacity.
     """
     yield curve[0]
     for first, second in pairwise(curve):
@@ -78,8 +84,9 @@ def _filled(first: CurvePoint, second: CurvePoint) -> Iterator[CurvePoint]:
 def _interpolation_error(first: float, second: float) -> float:
     """Return the largest difference between interpolating two opacities and interpolating their extinctions.
 
-    With `r` the ratio of the transparencies, the transparencies at a share `t` are `1 + t (r - 1)` and `r^t`, times the
-    first one. Their difference is largest where the slopes agree: where `r^t` is the logarithmic mean of 1 and `r`.
+    Let `r` be the ratio of the smaller transparency (1 - opacity) to the larger one. At the share `t` of the way from
+    the larger one, the two interpolations give `1 + t (r - 1)` and `r^t`, times the larger one. Their difference is
+    largest where their slopes agree: where `r^t` is the logarithmic mean of 1 and `r`.
     """
     low, high = sorted((1 - first, 1 - second))
     if high - low <= MAX_OPACITY_ERROR:
@@ -90,7 +97,7 @@ def _interpolation_error(first: float, second: float) -> float:
 
 
 def without_hidden(curve: Curve) -> list[CurvePoint]:
-    """Return a curve without the points that lie between two others at the same value, and so have no effect."""
+    """Return a curve without points that have no effect: the points before and after such a point have its value."""
     last = len(curve) - 1
     return [
         point for k, point in enumerate(curve) if not (0 < k < last and curve[k - 1][0] == point[0] == curve[k + 1][0])

@@ -9,23 +9,23 @@ from renderer.looks.color_tables import even_look
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
-# The first bytes of a header.
+# The first bytes of a look-up table that has a header.
 _HEADER = b"ICOL"
-# The length of the header in bytes.
+# The length of the header of a look-up table, in bytes.
 _HEADER_BYTES = 32
-# The number of colours of a table without a header.
+# The number of colours of a look-up table without a header.
 _NUM_COLORS = 256
-# The sizes of a file with 256 colours and no header. Some programs append 202 bytes to the colours.
+# The sizes in bytes of a file with 256 colours and no header. Some programs append 202 bytes to the colours.
 _RAW_SIZES = (768, 970)
 
 
 def read(file: LookFile) -> Look:
-    """Return the table in a file."""
+    """Return the look-up table in a file, as a look."""
     content, has_header = file.content, file.content.startswith(_HEADER)
     if has_header or len(content) in _RAW_SIZES:
         num = int.from_bytes(content[6:8], "big") * has_header or _NUM_COLORS
         planes = content[_HEADER_BYTES if has_header else 0 :]
-        # ImageJ stretches fewer than 256 colours over the range so that they begin at even distances.
+        # ImageJ divides the range into equal parts, one for each colour, so that the last colour begins before the end.
         last = num * (_NUM_COLORS - 1) / _NUM_COLORS
         return even_look(file, [("the bytes", *planes[k : 3 * num : num]) for k in range(num)], 255.0, last)
     rows = [(line, text.replace(",", " ").split()) for line, text in file.lines()]

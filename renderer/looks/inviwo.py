@@ -9,7 +9,7 @@ from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
 _UNIT_NOTE = "the unit of opacities, 1/150 of the volume's width: without a unit in the scene they are for a voxel"
-# The values of an attribute by which points are shares of the data's range.
+# The values of the element `type` that say that points are shares of the data's range.
 _RELATIVE = ("0", "relative")
 
 

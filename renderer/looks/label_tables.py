@@ -20,39 +20,46 @@ from renderer.looks.look_file import MAX_LOOK_BYTES, LookFile
 from renderer.system import unescaped, whole_number_in
 from renderer.volume import Label
 
-# The most labels of a table.
+# The largest number of labels of a table.
 _MAX_LABELS = 2**16
-# The most characters of a name.
+# The largest number of characters of a label's name; longer names are cut.
 _MAX_NAME_LENGTH = 200
-# The largest value of a label: all whole numbers up to it are floats.
+# The largest value of a label: float64 has all whole numbers up to this one.
 _MAX_VALUE = 2.0**53
-# The names of the groups in patterns of rows. Every pattern has the first two.
+# The names of the groups in the regular expressions for rows. Every expression has the groups `label` and `name`.
 _ROW_PARTS = ("label", "name", "r", "g", "b", "alpha", "is_shown")
+# Red, green and blue of a row, as whole numbers.
 _RGB = r"(?P<r>\d+)\s+(?P<g>\d+)\s+(?P<b>\d+)"
+# Red, green and blue of a row, as numbers that may have a decimal point.
 _SHARES = _RGB.replace(r"\d+", r"[-+.\deE]+")
-# Patterns of the rows of each format.
+# A row of FreeSurfer or 3D Slicer: label, name, red, green, blue, and transparency or alpha.
 _FREESURFER = re.compile(rf'(?P<label>\d+)\s+(?P<name>"[^"]*"|\S+)\s+{_RGB}\s+(?P<alpha>\d+)(?:\s.*)?').fullmatch
+# A row of FSLeyes: label, red, green, blue, and perhaps a name.
 _FSLEYES = re.compile(rf"(?P<label>\d+)\s+{_SHARES}(?P<name>(?:\s.*)?)").fullmatch
-# In ITK-SNAP's table, a label that is not shown becomes transparent.
+# A row of ITK-SNAP: label, red, green, blue, alpha, whether the label is shown, whether its surface is shown, and name.
 _ITK_SNAP = re.compile(
     rf'(?P<label>\d+)\s+{_SHARES}\s+(?P<alpha>[-+.\deE]+)\s+(?P<is_shown>[01])\s+[01]\s+(?P<name>".*")'
 ).fullmatch
+# A row of MRIcron, or of other tables of names: label and name.
 _NAMED = re.compile(r"(?P<label>\d+)[\s,]+(?P<name>[^\s,].*)").fullmatch
-# The number of another table that may come before the name in a row of MRIcron.
+# A number that may follow the name in a row of MRIcron: the label in another table.
 _OTHER_NUMBER = re.compile(r"\d{4,}")
 _HEX_COLOR = re.compile(r"#[\da-fA-F]{6}")
 
-# Patterns by which the content shows the format.
+# Finds a row of FSLeyes in the content of a file: label, three numbers and a name.
 _FSLEYES_ROW = re.compile(rb"(?m)^[ \t]*\d+([ \t]+[.\d]+){3}[ \t]+\S")
+# Finds a row of ITK-SNAP in the content of a file: two numbers, and a quote in the same line.
 _ITK_SNAP_ROW = re.compile(rb'(?m)^[ \t]*\d+[ \t]+[-+.\d][^"\n]*"')
+# Matches a row with a label and a name, but without a colour of four numbers.
 _NAMED_ROW = re.compile(rb"\d+[ \t,]+(?![ \t,])(?!\S+([ \t]+\d+){4})")
+# Matches the first line of a colour table of 3D Slicer.
 _COLOR_TABLE = re.compile(rb"\A# Color table file")
-# The bytes of a table of 256 colours.
+# The size in bytes of a table of 256 colours without a header.
 _NUM_BYTES = 768
-# The attribute in which AFNI has a table.
+# The mark of the XML attribute that holds a table of labels in the headers of AFNI.
 _AFNI_MARK = 'atr_name="VALUE_LABEL_DTABLE"'
 
-# The ends of the names of tables beside a volume, after the volume's name without suffixes.
+# A table of labels beside a volume has the volume's name without suffixes, and then one of these ends.
 _ENDS = (
     ".ctbl",
     ".txt",
@@ -67,24 +74,27 @@ _ENDS = (
     "_ColorTable.ctbl",
     "_ColorTable.csv",
 )
-# The suffixes of a volume's name.
+# Finds the suffixes at the end of a volume's name.
 _VOLUME_SUFFIXES = re.compile(r"(\.seg)?\.[^.]+(\.gz)?\Z", re.IGNORECASE)
 # The number of folders above a volume in which a table is searched for. In BIDS, the table of a whole data set lies
 # beside the folders of its subjects.
 _MAX_FOLDERS_UP = 3
 
+# A row of a table: its place in the file (for messages), a label, a name, and perhaps red, green, blue and an opacity.
 Row = Sequence[Any]
-# Returns whether a content is that of a format, as any value that counts as true or false.
+# A function that tests the content of a file, and returns a value that counts as true if the content has the format.
 Sign = Callable[[bytes], object]
+# A function that matches a line of text with the rows of a format.
 _Match = Callable[[str], "re.Match[str] | None"]
+# A function that reads the labels in a file.
 LabelReader = Callable[[LookFile], tuple[Label, ...]]
 
 
 def make_labels(file: LookFile, rows: Iterable[Row], white: float) -> tuple[Label, ...]:
     """Return the labels of rows, sorted by value.
 
-    white: the number for full red, green or blue, and for full opacity. Raises InputError for values that are not whole
-    numbers, and for no labels, too many labels, or the same label twice.
+    white: the number that stands for full red, green or blue, and for full opacity. Raises InputError for values that
+    are not whole numbers, and for no labels, too many labels, or the same label twice.
     """
     labels, places = list[Label](), dict[int, object]()
     for at, value, name, *parts in rows:
@@ -108,8 +118,8 @@ def make_labels(file: LookFile, rows: Iterable[Row], white: float) -> tuple[Labe
 
 
 def read_label_table(path: Path) -> tuple[Label, ...]:
-    """Return the labels of a table, sorted by value. Raises InputError with the place in the file."""
-    if not path.is_file():  # opening a pipe would block
+    """Return the labels of the table in a file, sorted by value. Raises InputError for a file without a valid table."""
+    if not path.is_file():  # a pipe would block when it is opened
         raise InputError("not a file", where=str(path), expected="a table of labels")
     try:
         with path.open("rb") as opened:
@@ -122,7 +132,10 @@ def read_label_table(path: Path) -> tuple[Label, ...]:
 
 
 def parse_label_table(path: Path, suffix: str, content: bytes) -> tuple[Label, ...]:
-    """Return the labels of a table. Its suffix and its content determine the format."""
+    """Return the labels of a table, whose format follows from the suffix and the content.
+
+    path: the file, for messages.
+    """
     for end, sign, kind, read in (*LABEL_FORMATS, (".lut", _is_bytes, "colours of labels: 768 bytes", _read_bytes)):
         if suffix.lower() == end and sign(content):
             return read(LookFile(path, content, kind))
@@ -133,7 +146,7 @@ def parse_label_table(path: Path, suffix: str, content: bytes) -> tuple[Label, .
 def find_label_table(volume_file: Path) -> Path | None:
     """Return the first file beside a volume that has the name and the content of a table of its labels.
 
-    The table of a volume `..._dseg` may leave out parts of the name, and lie in a folder above, as in BIDS.
+    In BIDS, the table of a volume `..._dseg` may lie in a folder above, and leave out parts of the volume's name.
     """
     stem, folder = _VOLUME_SUFFIXES.sub("", volume_file.name), volume_file.parent
     stems = dict.fromkeys((stem, re.sub(r"\.gz\Z", "", volume_file.name, flags=re.IGNORECASE)))
@@ -151,10 +164,11 @@ def find_label_table(volume_file: Path) -> Path | None:
 
 
 def read_extension(path: Path, content: bytes, image: int, *, are_labels: bool) -> tuple[Label, ...]:
-    """Return the labels in an extension of the header of a file; none if it has no table of labels.
+    """Return the labels in an extension of the header of an image file; none if it has no table of labels.
 
-    image: the index of the image that is read, if each image has a table. are_labels: whether the header states that
-    voxels are labels; only then a readable text is taken for a table. Raises InputError for a wrong table.
+    content: the bytes of the extension. image: the index of the image that is read, if each image of the file has a
+    table. are_labels: whether the header says that voxels are labels; only then, a text with the rows of a table is
+    taken for one. Raises InputError for a wrong table in XML or in AFNI's format.
     """
     content = content.rstrip(b"\0 ")
     if b"<LabelTable" in content:
@@ -168,7 +182,10 @@ def read_extension(path: Path, content: bytes, image: int, *, are_labels: bool) 
 
 
 def _rows(file: LookFile, match: _Match) -> Iterator[Row]:
-    """Yield the row of each line, with the parts of a colour that the pattern has."""
+    """Yield the row of each line of a file. Raises InputError for a line that does not match.
+
+    match: matches a line with the parts of a row, which the names of its groups tell.
+    """
     for line, text in file.lines():
         found = match(text)
         if found is None:
@@ -243,7 +260,7 @@ def _color(file: LookFile, line: int, row: Mapping[str, str]) -> list[Any]:
 
 
 def _read_bytes(file: LookFile) -> tuple[Label, ...]:
-    """Return labels 0 to 255 with the colours of 768 bytes: all red values, then all green and all blue ones."""
+    """Return the labels 0 to 255, with colours from 768 bytes: all red values, all green values, all blue values."""
     return make_labels(file, ((f"colour {k}", k, "", *file.content[k::256]) for k in range(256)), 255.0)
 
 
@@ -258,7 +275,7 @@ def _read_xml(file: LookFile, image: int) -> tuple[Label, ...]:
 
 
 def _read_afni(file: LookFile) -> tuple[Label, ...]:
-    """Return the labels of an attribute that holds, in quotes and escaped, an element with rows `"1" "name"`."""
+    """Return the labels in AFNI's attribute for tables, which holds rows `"1" "name"`, in quotes and escaped."""
     text = file.text().partition(_AFNI_MARK)[2].partition(">")[2].partition("<")[0]
     table = unescaped("".join(text.split('"')[1::2]))
     rows = list[Row]()
@@ -274,26 +291,26 @@ def _is_bytes(content: bytes) -> bool:
 
 
 def any_content(_content: bytes) -> bool:
-    """Return True: the test of contents for formats that are recognised by the suffix alone."""
+    """Return True. This is the test of the content for formats that are recognised by the suffix of the file alone."""
     return True
 
 
 def _begins_with_name(content: bytes) -> bool:
-    """Return whether the first row after comments is a label with a name."""
+    """Return whether the first line that is no comment is a row with a label and a name."""
     rows = (line.strip(b" \t\r") for line in content.removeprefix(b"\xef\xbb\xbf").split(b"\n"))
     first = next((row for row in rows if row and not row.startswith(b"#")), b"")
     return _NAMED_ROW.match(first) is not None
 
 
-# The descriptions of formats in error messages.
+# The formats of tables of labels, described for error messages.
 _FSLEYES_LABELS = "labels of FSLeyes: rows of label, red, green, blue and name"
 _SLICER_LABELS = "labels of 3D Slicer: rows of label, name, red, green, blue and alpha"
 _ITK_LABELS = "labels of ITK-SNAP: rows of label, red, green, blue, alpha, two flags and a name in quotes"
 _NAMES = "names of labels: rows of label and name"
 _COLUMNS = "labels in columns: index, name and color as #rrggbb"
 
-# The formats, each with its suffix, the test of its content, its description for errors, and its parser. The first that
-# fits reads the file.
+# The formats of tables of labels, each with its suffix, the test of its content, its description for errors, and its
+# reader. The first format whose suffix and test fit a file reads it.
 LABEL_FORMATS: tuple[tuple[str, Sign, str, LabelReader], ...] = (
     (".lut", _FSLEYES_ROW.search, _FSLEYES_LABELS, partial(_read_rows, _FSLEYES, 1.0)),
     (".ctbl", any_content, _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),

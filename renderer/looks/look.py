@@ -10,10 +10,10 @@ from typing import Any
 
 from renderer.looks.curves import OPAQUE_DEPTH, Color, Curve, linear_in_extinction, merge_curves, without_hidden
 
-# The most points of a look.
+# The largest number of points of a look.
 MAX_LOOK_POINTS = 2**16
 
-# A value, a colour, and an opacity.
+# A point of a look: a value, a colour, and an opacity.
 LookPoint = tuple[float, Color, float]
 
 
@@ -21,10 +21,10 @@ LookPoint = tuple[float, Color, float]
 class Look:
     """A transfer function of another program: colours, and perhaps opacities, by value.
 
-    curve: (r, g, b, opacity) or (r, g, b) by value, at least one point; colours and opacities are linear in between.
+    curve: (r, g, b, opacity) or (r, g, b) by value, at least one point, linear between points.
     is_share: whether values are shares of a range, from 0 at its lowest to 1 at its highest value; else data units.
-    span: the range that `range` in a scene replaces; None for the range from the first to the last value.
-    unit: the world length of the opacities; None for about a voxel.
+    span: the range of the look's values, which `range` in a scene replaces; None for the first to the last value.
+    unit: the world length that opacities refer to; None for about a voxel.
     shading: the keys of a scene's `shading` that give the light of the file; empty if the file has no light.
     left_out: clauses on features of the file that hsplat lacks.
     """
@@ -38,11 +38,11 @@ class Look:
 
     @property
     def has_opacities(self) -> bool:
-        """Return whether colours have opacities."""
+        """Return whether the look has opacities, and not colours alone."""
         return len(self.curve[0][1]) == 4
 
 
-# Functions that make the looks of a file with several looks, by name.
+# The looks of a file that has several: by a look's name, a function that makes the look.
 Looks = Mapping[str, Callable[[], Look]]
 
 
@@ -54,11 +54,12 @@ def place_look(
     shift: float,
     opacities: Sequence[tuple[float, float]] | None,
 ) -> list[LookPoint]:
-    """Return the points of a look in data units, sorted by value, for interpolating colours and extinctions.
+    """Return the points of a look in data units, sorted by value; colours and extinctions are linear between them.
 
-    span: the range that replaces the look's own. scale, shift: the factor on values, and the number that is added then.
-    opacities: pairs of value and opacity in data units, linear in extinction, that replace the look's own. If neither
-    has opacities, they are 1. Values that are too large for a float become infinite.
+    span: a range of values that replaces the look's range. scale, shift: each value is multiplied by `scale`, then
+    `shift` is added. opacities: pairs (value in data units, opacity), linear in extinction, that replace the look's
+    opacities. Without any opacities, the look is opaque. If a value is too large for a float, one point at infinity is
+    returned.
     """
     first, last = (0.0, 1.0) if look.is_share else look.span or (look.curve[0][0], look.curve[-1][0])
     low, high = span or (first, last)
@@ -75,7 +76,7 @@ def place_look(
         merged = merge_curves([(value, parts[:3]) for value, parts in curve], depths)
         curve = [(value, (*parts[:3], -math.expm1(-parts[3]))) for value, parts in merged]
     else:
-        # A point more than allowed is enough for the error; there might be millions of points.
+        # One point more than allowed is enough for the error; all points might be millions.
         curve = list(islice(linear_in_extinction(curve), MAX_LOOK_POINTS + 1))
     return [(value, (r, g, b), opacity) for value, (r, g, b, opacity) in curve]
 

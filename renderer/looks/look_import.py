@@ -1,4 +1,4 @@
-"""Choose the importer of a file, and the look that the scene names in it; read presets."""
+"""Choose the importer of a file with looks, and the look that a scene names in the file; read hsplat's own presets."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from renderer.looks.label_tables import LABEL_FORMATS, LabelReader, Sign, any_co
 from renderer.looks.look import MAX_LOOK_POINTS, Look, Looks
 from renderer.looks.look_file import LookFile
 
+# A function that reads the look or the looks in a file.
 Importer = Callable[[LookFile], Look | Looks]
 
 
@@ -25,8 +26,8 @@ def _labels_look(read: LabelReader, file: LookFile) -> Look:
     return labels_look(labels)
 
 
-# The importers, each with the suffix of its files, the test of their content, their description for errors, and its
-# function. The first that fits reads the file.
+# The formats of files with looks, each with its suffix, the test of its content, its description for errors, and its
+# importer. The first format whose suffix and test fit a file reads it.
 _IMPORTERS: tuple[tuple[str, Sign, str, Importer], ...] = (
     (".json", re.compile(rb'"volumeProperties"').search, "a volume property of 3D Slicer", slicer.read_json),
     (
@@ -45,14 +46,15 @@ _IMPORTERS: tuple[tuple[str, Sign, str, Importer], ...] = (
     *((suffix, sign, kind, partial(_labels_look, labels)) for suffix, sign, kind, labels in LABEL_FORMATS),
     (".lut", any_content, "a look-up table of ImageJ: 768 bytes, or rows of red, green and blue", imagej.read),
 )
-# The most names of looks that an error lists.
+# An error lists at most this many names of looks.
 _MAX_LISTED = 12
 
 
 def read_look(path: Path, content: bytes, name: str | None) -> Look:
-    """Return the look of a file. name: the name of the look, for a file with several.
+    """Return the look of a file. name: the name of the look, for a file with several looks.
 
-    Raises InputError with the place in the file, LookNameError for a name that is unknown or missing.
+    path: the path of the file, whose suffix tells the format. content: the bytes of the file. Raises InputError for a
+    file without a valid look, LookNameError for a name that is unknown or missing.
     """
     for suffix, sign, kind, read in _IMPORTERS:
         if path.name.lower().endswith(suffix) and sign(content):
@@ -84,7 +86,7 @@ def _choose(found: Look | Looks, name: str | None, where: str) -> Look:
 
 
 class LookNameError(InputError):
-    """An error about a look's name that a file lacks, or about a missing name for a file with several looks."""
+    """An error: no look of a file has the name that is given, or no name is given for a file with several looks."""
 
 
 def read_preset(name: str) -> Look:

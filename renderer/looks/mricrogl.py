@@ -11,7 +11,7 @@ from renderer.looks.look_file import LookFile
 
 
 def read(file: LookFile) -> Look:
-    """Return the table in a file. All keys are different, so that sections can be ignored."""
+    """Return the colour table in a file, as a look. All keys are different, so that INI sections can be ignored."""
     pairs = (text.lower().partition("=") for _, text in file.lines())
     values = {key.strip(): value for key, _, value in pairs}
 

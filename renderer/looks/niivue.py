@@ -12,9 +12,9 @@ from renderer.looks.label_tables import make_labels
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
-# The alpha of labels in a file without alpha. The first label has 0.
+# The alpha of labels in a file that states no alpha; the first label has 0.
 _LABEL_ALPHA = 255
-# The alpha of other colours in a file without alpha. The first colour has 0.
+# The alpha of colours that are not of labels, in a file that states no alpha; the first colour has 0.
 _ALPHA = 64
 
 

@@ -1,6 +1,7 @@
 """Import volume properties of 3D Slicer: presets in XML, the older text of a .vp file, and the newer .vp.json.
 
-VTK draws them: opacities are for a length in the world, `ScalarOpacityUnitDistance`, and linear between points.
+3D Slicer draws with VTK: opacities are for a length in the world, `ScalarOpacityUnitDistance`, and linear between
+points.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from renderer.looks.look_file import LookFile
 # The points of a function: each has its place in the file (for messages), a value, and a colour or an opacity.
 _Rows = list[tuple[Any, ...]]
 
-# VTK's default of ScalarOpacityUnitDistance.
+# The length in the world that opacities refer to if a file states none: VTK's default of ScalarOpacityUnitDistance.
 _UNIT = 1.0
-# VTK's defaults of the light.
+# The parameters of the light that a file does not state: VTK's defaults.
 _LIGHT = {"ambient": 0.1, "diffuse": 0.7, "specular": 0.2, "specularPower": 10.0}
 # The factor from Phong's shininess in VTK to Blinn's in hsplat, for narrow highlights of the same width.
 _BLINN_PER_PHONG = 4.0
 # The largest shininess of a scene.
 _MAX_SHININESS = 1000.0
-# The lines of a .vp file.
+# The content of each line of a .vp file.
 _LINES = ("interpolation", "shade", "diffuse", "ambient", "specular", "specularPower",
           "scalarOpacity", "gradientOpacity", "colorTransfer")  # fmt: skip
 _GRADIENT_NOTE = "opacities by the gradient (shading.gradient_opacity has factors on extinctions)"
@@ -47,7 +48,10 @@ def read_text(file: LookFile) -> Look:
 
 
 def _from_texts(file: LookFile, texts: Mapping[str, str]) -> Look:
-    """Return the look in attributes; the text of a function is the count of its numbers, and then the numbers."""
+    """Return the look that the texts of a volume property describe.
+
+    texts: the text of each attribute. The text of a function is the count of its numbers, followed by the numbers.
+    """
 
     def rows(key: str, size: int) -> _Rows:
         at = f"{texts.get('name', '')} {key}".strip()
@@ -64,10 +68,7 @@ def _from_texts(file: LookFile, texts: Mapping[str, str]) -> Look:
 
 
 def read_json(file: LookFile) -> Look:
-    """Return the first volume property of a .vp.json file, with the functions of its first component.
-
-    3D Slicer also uses the first volume property and the first component.
-    """
+    """Return the look of a .vp.json file: the first component of the first volume property, as in 3D Slicer."""
     properties = file.member(file.json(), "volumeProperties", list, "the file")
     components = file.member((properties or [None])[0], "components", list, "volumeProperties")
     component, notes = (components or [None])[0], list[str]()
@@ -94,9 +95,10 @@ def read_json(file: LookFile) -> Look:
 def _look(
     file: LookFile, functions: Sequence[_Rows], light: Any, unit: float = _UNIT, left_out: Sequence[str] = ()
 ) -> Look:
-    """Return a look.
+    """Return a look from the functions and the light of a volume property.
 
-    functions: colours, opacities, and opacities by the gradient. light: the parameters of the light, or None.
+    functions: the points of colours, of opacities, and of opacities by the gradient. light: the parameters of the
+    light, or None. unit: the world length that opacities refer to. left_out: clauses on features that hsplat lacks.
     """
     colors, opacities, gradient = functions
     shading: dict[str, Any] = {}

@@ -11,8 +11,8 @@ from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
 _UNIT_NOTE = "the unit of opacities, 1/200 of the volume's width: without a unit in the scene they are for a voxel"
-# Elements that are left out: the name, the attributes, their neutral values, and the words for the note. `lower` and
-# `upper` are thresholds of older files.
+# The XML elements that are not imported, each with its name, its attributes, the values with which it has no effect,
+# and the words by which a note names it. `lower` and `upper` are thresholds of older files.
 _LEFT_OUT = (
     ("threshold", "xy", [0.0, 1.0], "its threshold"),
     ("lower", ["value"], [0.0], "its lower threshold"),
@@ -38,6 +38,6 @@ def read(file: LookFile) -> Look:
 
 
 def _numbers(file: LookFile, root: Element, tag: str, names: str | list[str]) -> list[float] | None:
-    """Return the numbers in attributes of a child element; None without such a child."""
+    """Return the numbers in the attributes `names` of the child element `tag`; None without such a child."""
     found = root.find(tag)
     return None if found is None else [file.number(found.get(name), f"<{tag}>") for name in names]

@@ -11,22 +11,26 @@ from renderer.errors import InputError
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, short_text
 from renderer.volume import Array, Float64
 
-# The beginning of notes on guessed lengths. They are dropped if the scene gives a `spacing`.
+# The beginning of every note that says that the lengths of voxels are guessed. Such notes are dropped if the scene
+# gives a `spacing`.
 GUESSED_LENGTHS = "the file does not give its voxel size"
 # The note for a file without any lengths.
 NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
-# The most fields that a note names.
+# The largest number of fields that the note on lengths in an unknown form lists.
 _MAX_NAMED = 8
 
 
 def no_spacing(names: Sequence[str]) -> str:
-    """Return the note for a file without lengths in a known form. names: its fields that may hold lengths."""
+    """Return the note for a file without lengths in a known form.
+
+    names: the fields of the file that may hold lengths.
+    """
     listed = ", ".join(short_text(name) for name in names[:_MAX_NAMED])
     return f"{GUESSED_LENGTHS} in a known form; 1 x 1 x 1 is assumed; not applied: {listed}" if names else NO_SPACING
 
 
 def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
-    """Return the affine from voxel indices to the world: `direction @ diag(spacing)` and the origin, float64 [4, 4].
+    """Return the affine from voxel indices to the world: `direction @ diag(spacing)`, then the origin, float64 [4, 4].
 
     direction: [3, 3], whose columns are the directions of the index axes.
     """
@@ -38,15 +42,18 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
 
 
 def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
-    """Return an affine whose world axes are multiplied by factors, each 1 or -1, without negative zeros."""
+    """Return an affine with each world axis multiplied by its factor, 1 or -1: for example from RAS to LPS axes.
+
+    The result has no negative zeros.
+    """
     return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis] + 0.0, np.float64)
 
 
 def even_steps(coordinates: Array) -> tuple[float, float] | None:
-    """Return the first coordinate and the step between neighbours; None if the step varies.
+    """Return the first of evenly spaced coordinates and the step between neighbours; None if the step varies or is 0.
 
-    The step of a single coordinate is 1. Differences of a thousandth of a step, or in the last digits of floats, are
-    rounding errors.
+    The step of a single coordinate is 1. A coordinate may differ from its even place by a rounding error: a thousandth
+    of a step, or the last digits of its float type.
     """
     num_digits = np.finfo(coordinates.dtype).eps if coordinates.dtype.kind == "f" else 0.0
     coordinates = coordinates.astype(np.float64)
@@ -60,7 +67,7 @@ def even_steps(coordinates: Array) -> tuple[float, float] | None:
 
 
 def has_volume(world_from_index: Float64) -> bool:
-    """Return whether an affine is finite and its index axes span space, whatever their lengths."""
+    """Return whether an affine is finite and its three index axes are independent, however long they are."""
     if not np.isfinite(world_from_index).all():
         return False
     if not np.abs(world_from_index[:3, :3]).max(axis=0).all():
@@ -70,7 +77,7 @@ def has_volume(world_from_index: Float64) -> bool:
 
 
 def check_axes(world_from_index: Float64) -> None:
-    """Raise InputError unless an affine gives every voxel a place and a volume, whatever its lengths."""
+    """Raise InputError unless an affine gives every voxel a place and a volume, however large or small."""
     if not has_volume(world_from_index):
         raise InputError(
             "the spacing, origin and direction give the voxels no volume",
@@ -98,14 +105,14 @@ def _in_words(world_from_index: Float64) -> str:
 
 
 def spacing_of(world_from_index: Float64) -> tuple[float, float, float]:
-    """Return the lengths of the index axes, however long or short."""
+    """Return the spacing of an affine: the lengths of its x, y and z index axes, however long or short."""
     largest, unit = _directions(world_from_index)
     x, y, z = (largest * np.linalg.norm(unit, axis=0)).tolist()
     return x, y, z
 
 
 def with_spacing(world_from_index: Float64, spacing: tuple[float, float, float]) -> Float64:
-    """Return an affine with other lengths of its axes; directions and origin stay: float64 [4, 4]."""
+    """Return an affine whose axes have the lengths `spacing`; directions and origin stay: float64 [4, 4]."""
     _, axes = _directions(world_from_index)
     return affine(spacing, world_from_index[:3, 3], axes / np.linalg.norm(axes, axis=0))
 

@@ -15,13 +15,13 @@ from renderer.readers.steps_in_time import TimeSteps
 from renderer.scene import join_some, short_text
 from renderer.volume import Channel
 
-# The most components that count as light of their own, like channels of a microscope. More components are spectra and
-# the like.
+# The largest number of components of an image that are each drawn as light of their own, like channels of a microscope.
+# More components are, for example, a spectrum: one of them is drawn.
 MAX_LIGHTS = 8
-# The most components that get a `Channel` each.
+# The largest number of components of an image that are described, by a `Channel` each.
 MAX_LISTED = 1000
 
-# The colours of components with these names.
+# The RGB colour of a component, by the name of the component.
 _PRIMARIES = {"R": (1.0, 0.0, 0.0), "G": (0.0, 1.0, 0.0), "B": (0.0, 0.0, 1.0)}
 
 
@@ -46,8 +46,8 @@ class Chosen(NamedTuple):
     part: the index of the part in the array. step, component: the numbers of the time step and the component. is_step:
         whether the scene asks for a time step.
     notes: a remark if there are several time steps and the scene asks for none, and a remark on components.
-    channels: the descriptions of components, which have only names; components of a colour, such as RGB, are not marked
-        as light.
+    channels: the descriptions of the components. Components with names are marked as no light of their own; those that
+        are named R, G or B have the colour of the name.
     steps: the steps in time of the array.
     """
 
@@ -97,8 +97,8 @@ def choose(
 def are_light(image: Image) -> bool:
     """Return whether each component of an image is light of its own, like a channel of a microscope.
 
-    The file decides. If it does not, integers are light, but floats are vectors, and three or four bytes are colours.
-    Layers of labels are no light.
+    The file decides. If it does not say so, integers are light, but floats are the parts of a vector, and three or four
+    components of a byte each are a colour. Components that are labels are no light.
     """
     if image.labels or not 2 <= len(image.channels) <= MAX_LIGHTS:
         return False
@@ -107,7 +107,10 @@ def are_light(image: Image) -> bool:
 
 
 def are_colors(dtype: npt.DTypeLike, channels: Sequence[Channel]) -> bool:
-    """Return whether components form a colour: by their names, or as three or four bytes that are no light."""
+    """Return whether three or four components form a colour, and none is light of its own.
+
+    They do if their names begin with R, G and B, or if they are bytes and their names allow a colour.
+    """
     names = [each.name for each in channels]
     if len(names) not in (3, 4) or any(each.is_light for each in channels):
         return False

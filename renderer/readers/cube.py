@@ -35,10 +35,10 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The most lines of a header: more than any molecule has atoms.
+# The largest number of lines of a header, which has a line for each atom: more than any molecule has atoms.
 _MAX_LINES = 2**17
 
-# The most bytes of a line of the header.
+# A line of the header must be shorter than this, in bytes.
 _MAX_LINE_BYTES = 4096
 
 
@@ -49,7 +49,7 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
     """
     with path.open("rb") as file:
         lines = _lines(file, path)
-        next(lines), next(lines)  # the two comments at the top
+        next(lines), next(lines)  # the file begins with two lines of comments
         first = next(lines)
         names = list[str]()
         num_atoms, *origin = first.numbers(4 + (len(first.text.split()) == 5))

@@ -22,16 +22,18 @@ _NUMBERED = re.compile(
 # A list of data files. Like a pattern, it may end with the number of axes in each file.
 _LIST = re.compile(r"LIST(?:\s+([0-9]{1,2})D?)?", re.IGNORECASE)
 
-# The most data files of a header: more than any volume has slices. A short pattern can ask for any number of files.
+# The largest number of data files that a header may name: more than any volume has slices. The limit is needed because
+# a short pattern can name any number of files.
 _MAX_FILES = 2**16
 
 
 def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int, ...]) -> tuple[list[Path], int]:
-    """Return the data files in order, and the number of slowest axes that are divided into files: 0 for one file.
+    """Return the data files in order, and along how many of the slowest axes they divide the array: 0 for one file.
 
     name: one file, `LIST`, or a pattern. listed: the lines below the header. shape: the shape of the whole array, from
-        the slowest axis to the fastest. Files that have all axes are slabs: all have equally many steps along the
-        slowest axis. Raises InputError for files that are missing, too few or too many, and for names of another form.
+        the slowest axis to the fastest. Each file may also be a slab, which has all axes: slabs have equally many steps
+        along the slowest axis. Raises InputError for files that are missing, too few or too many,
+        and for names of another form.
     """
     name = unquoted(header, name)
     numbered, is_list = _NUMBERED.fullmatch(name), _LIST.fullmatch(name)

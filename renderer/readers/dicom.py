@@ -1,9 +1,10 @@
-"""Read DICOM: a folder with one series, or one file of one frame or several, placed by the positions of its frames.
+"""Read DICOM: a folder with one series, or one file of one or more frames, placed by the positions of the frames.
 
-pydicom parses, in a child process (`isolation.py`); it decodes plain and run-length pixels, and others with GDCM. The
-third axis of the volume is the step from frame to frame, not their normal: a tilted gantry gives a sheared volume.
-Each frame's scale is applied to its values; whether high values are shown light or dark is ignored. Frames at one place
-are times or components, of which one is read. All segments of a segmentation become labels of one volume.
+pydicom parses, in a child process (`isolation.py`); it decodes plain and run-length pixels itself, and other
+compressions with GDCM. The third axis of the volume is the step from frame to frame, not the normal of the frames: a
+tilted gantry gives a sheared volume. Each frame's scale is applied to its values; whether high values are shown light
+or dark is ignored. Frames at one place are times or components, of which one is read. All segments of a segmentation
+become labels of one volume.
 """
 
 from __future__ import annotations
@@ -39,9 +40,10 @@ Ranges = tuple[tuple[float, float], ...]
 
 
 class _Voxels(NamedTuple):
-    """The voxels [z, y, x] of a stack of frames.
+    """A stack of frames, and its voxels.
 
-    nodata: ranges of values that stand for no data. note: a remark on how the voxels were made, or None.
+    frames: the slices, from the first to the last. values: the voxels, [z, y, x]. nodata: ranges of values that stand
+    for no data. labels: the names and colours of segments. note: a remark on how the voxels were made, or None.
     """
 
     frames: list[Frame]
@@ -69,7 +71,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     try:
         found = sort_frames(frames)
     except InputError:
-        check_alike(frames)  # the better message: frames of different stacks may share a place by chance
+        check_alike(frames)  # its message is better: frames of different stacks may share a place
         raise
     segments = segments_of(frames[0].file)
     chosen, voxels = _read_chosen(found, segments, time, component, host)
@@ -104,7 +106,10 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
 def _read_chosen(
     found: Sorted, segments: Segments | None, time: int | None, component: int | None, host: Host
 ) -> tuple[Chosen, _Voxels]:
-    """Return the chosen time and component, and their voxels; all segments together, unless the scene chooses one."""
+    """Return the chosen time and component, and their voxels.
+
+    All segments of a segmentation are read together, unless the scene chooses one.
+    """
     volumes, first = found.volumes, found.volumes[0][0][0]
     num_samples = first.num_samples
     every = [frame for volume in volumes[0] for frame in volume]
@@ -139,7 +144,7 @@ def _read_values(frames: list[Frame], channel: int, host: Host) -> _Voxels:
     filled = [frame for frame in frames if frame.number is not None]
     ranges = dict.fromkeys(frame.scale.nodata for frame in filled)
     is_mixed = len(ranges) > 1 or any(each.scale.padding and each.scale.table is not None for each in filled)
-    dtype = np.result_type(*(frame.scale.dtype for frame in frames))  # the slope may differ from frame to frame
+    dtype = np.result_type(*(frame.scale.dtype for frame in frames))  # types differ where slopes differ
     dtype = np.result_type(dtype, np.float32) if is_mixed else dtype
     values = allocate_voxels(host, (len(frames), *frames[0].size[::-1]), dtype)
     by_file: dict[Path, dict[int, list[tuple[Array, Frame]]]] = {}

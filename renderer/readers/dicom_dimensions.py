@@ -22,21 +22,23 @@ from renderer.readers.dicom_places import are_one_volume, by_place, distances
 from renderer.readers.steps_in_time import TimeSteps, steps_at
 from renderer.scene import counted
 
-# The index of a time or a component: one number for each dimension that distinguishes them.
+# The index of a time, or of a component: a number for each dimension that distinguishes times, or components.
 Index = tuple[int, ...]
 
-# Volumes, each under the indices of its time and of its component.
+# The frames of each volume, under the index of its time and the index of its component.
 _Volumes = dict[tuple[Index, Index], list[Frame]]
 
-# The most empty slices that are added to a segmentation, as a multiple of the slices that it stores.
+# The largest number of slices of a segment, empty ones included, as a multiple of the places at which the segmentation
+# has a slice. If a segment would have more slices, no empty ones are added.
 _MAX_EMPTY = 64
 
 
 class Sorted(NamedTuple):
-    """Frames as `volumes[time][component]`, each in ascending order along its normal.
+    """Frames that are sorted into volumes.
 
-    by_axis: the names of the dimensions that distinguish times, under `t`, and components, under `c`. note: a remark on
-    frames that are left out, or None.
+    volumes: `volumes[time][component]` is a list of frames, in ascending order along their normal. by_axis: the names
+    of the dimensions that distinguish times, under `t`, and components, under `c`. note: a remark on frames that are
+    left out, or None.
     """
 
     volumes: list[list[list[Frame]]]
@@ -57,7 +59,7 @@ def sort_frames(frames: Sequence[Frame]) -> Sorted:
         volumes |= {(time, (k, *component)): volume for (time, component), volume in found.items()}
         notes += [note] if note else []
     times, components = (sorted(set(indices)) for indices in zip(*volumes, strict=True))
-    if len(volumes) < len(times) * len(components):  # parts with different times: times become components, too
+    if len(volumes) < len(times) * len(components):  # parts with different times: each time is a component
         volumes = {((), (*component, *time)): volume for (time, component), volume in volumes.items()}
         times, components = [()], sorted(component for _, component in volumes)
     told_apart = [part] * (len(parts) > 1) + told_apart
@@ -68,7 +70,7 @@ def sort_frames(frames: Sequence[Frame]) -> Sorted:
 
 
 def times_of(volumes: Sequence[Sequence[Sequence[Frame]]]) -> TimeSteps:
-    """Return the steps in time of `volumes[time][component]`, by the first field that has the time of all of them."""
+    """Return the steps in time of `volumes[time][component]`, by the first field that gives the time of every step."""
     count = len(volumes)
     for keyword, (unit, is_clock) in CLOCKS.items():
         own = ([frame.times[keyword] for frame in volume[0] if keyword in frame.times] for volume in volumes)
@@ -80,7 +82,10 @@ def times_of(volumes: Sequence[Sequence[Sequence[Frame]]]) -> TimeSteps:
 
 
 def _sort_part(frames: Sequence[Frame]) -> tuple[_Volumes, list[Dimension], str | None]:
-    """Sort the frames of a part; return volumes, the dimensions of their indices, and a note on frames left out."""
+    """Sort the frames of one segment or stack into volumes.
+
+    Returns the volumes, the dimensions of their indices, and a note on frames that are left out, or None.
+    """
     groups = by_place(frames)
     found = _told_apart(groups)
     if found is not None:
@@ -132,7 +137,10 @@ def _dimensions_of(groups: Sequence[Sequence[Frame]]) -> list[Dimension]:
 
 
 def _without_unfinished(groups: list[list[Frame]]) -> Iterator[tuple[list[Frame], str]]:
-    """Yield the frames without an incomplete volume, or without an incomplete end of the stack, and a note on these."""
+    """Yield the frames that are kept if an unfinished part is left out, and a note on that part.
+
+    The unfinished part is an incomplete volume, or an incomplete place at an end of the stack.
+    """
     if len(groups) < 2 or len({len(group) for group in groups}) == 1:
         return
     place_of = {id(frame): place for place, group in enumerate(groups) for frame in group}
@@ -153,7 +161,7 @@ def _without_unfinished(groups: list[list[Frame]]) -> Iterator[tuple[list[Frame]
 
 
 def _come_last(frames: Sequence[Frame], others: Sequence[Frame], dimension: Dimension) -> bool:
-    """Return whether a dimension is an order in which all frames come after all others."""
+    """Return whether `dimension` is an order in which all of `frames` come after all of `others`."""
     if not dimension.is_order:
         return False
     marks, before = ([each.marks.get(dimension, ([], "")) for each in own] for own in (frames, others))
@@ -161,7 +169,7 @@ def _come_last(frames: Sequence[Frame], others: Sequence[Frame], dimension: Dime
 
 
 def _whole_parts(parts: Sequence[list[Frame]], place_of: dict[int, int], num_places: int) -> list[Frame]:
-    """Return the frames of the largest parts, if each of these has equally many frames at each place; else none."""
+    """Return the frames of the largest parts, if each of them has equally many frames at every place; else []."""
     most = max(map(len, parts))
     nums = [Counter(place_of[id(frame)] for frame in part) for part in parts]
     largest = [(part, num) for part, num in zip(parts, nums, strict=True) if len(part) == most]
@@ -171,9 +179,9 @@ def _whole_parts(parts: Sequence[list[Frame]], place_of: dict[int, int], num_pla
 
 
 def _whole_beginning(parts: Sequence[list[Frame]], place_of: dict[int, int], num_places: int) -> list[Frame]:
-    """Return the longest beginning of the frames in which all places have equally many.
+    """Return the longest beginning of a sequence of frames in which every place has equally many frames.
 
-    parts: one frame each, in order.
+    parts: the sequence, as lists of one frame each.
     """
     nums, num_whole = [0] * num_places, 0
     for k, (frame,) in enumerate(parts):
@@ -184,7 +192,7 @@ def _whole_beginning(parts: Sequence[list[Frame]], place_of: dict[int, int], num
 
 
 def _parted(frames: Sequence[Frame], dimension: Dimension) -> list[list[Frame]]:
-    """Return frames grouped by their mark of a dimension, in the order of the marks."""
+    """Return frames in groups of the same mark (value) in a dimension; the groups are sorted by the mark."""
     parts: dict[str, list[Frame]] = defaultdict(list)
     for frame in frames:
         parts[str(frame.marks.get(dimension))].append(frame)
@@ -192,9 +200,9 @@ def _parted(frames: Sequence[Frame], dimension: Dimension) -> list[list[Frame]]:
 
 
 def _with_empty(frames: list[Frame], everything: Sequence[Frame]) -> list[Frame]:
-    """Return the frames of a segment, with an empty frame at each even place where the segment has none.
+    """Return the frames of a segment, with an empty frame at each evenly spaced place where the segment has none.
 
-    everything: the frames of all segments. Frames that do not lie at even places are returned as they are.
+    everything: the frames of all segments. Frames whose places are not evenly spaced are returned as they are.
     """
     places = [group[0] for group in by_place(everything)]
     along = distances(places, places[0])

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 from renderer.errors import InputError
 
-# A pydicom.Dataset.
+# The fields of a DICOM file, or of an item of a sequence: a pydicom.Dataset.
 Dataset = Any
 
-# The functional groups that are read: for lengths, places and values, and to distinguish frames at one place.
+# The functional groups (sequences with the fields of a frame) that are read for lengths, places and values, and to
+# distinguish frames at one place.
 _GROUPS = (
     "PixelMeasuresSequence",
     "PlanePositionSequence",
@@ -38,10 +39,11 @@ _DIRECTIONS = "DiffusionGradientDirectionSequence"
 
 
 class Dimension(NamedTuple):
-    """A dimension in which frames at one place differ, such as time.
+    """A dimension: a property, such as time, in which frames at one place may differ.
 
-    name: keywords of its fields, with `and` between them. axis: `t` for times and the like, `c` for components.
-    is_order: whether it may only tell the order in which frames were taken.
+    name: the keywords of the fields that hold the property, with `and` between them. axis: `t` if the values are times
+    or phases, `c` if they distinguish components. is_order: whether the values may say no more than the order in which
+    frames were taken.
     """
 
     name: str
@@ -61,7 +63,7 @@ SEGMENT = Dimension("ReferencedSegmentNumber", "c")
 # The dimension of kinds of images, such as magnitude and phase.
 IMAGE_TYPE = Dimension("ImageType", "c")
 
-# Fields with the order in which frames were taken, which single slices have, too.
+# Fields with the order in which frames were taken. Files of a single slice have such fields, too.
 _ORDERS = (
     "FrameAcquisitionNumber",
     "AcquisitionNumber",
@@ -94,19 +96,19 @@ TOLD_APART = (
     *(Dimension(keyword, "t", is_order=True) for keyword in _ORDERS),
 )
 
-# The names of the dimensions of time.
+# The names of the dimensions whose values are times or phases.
 _TIMES = {each.name for each in TOLD_APART if each.axis == "t"}
 
-# The fields with the time of a frame: the unit of each, and whether it is a time of day.
+# For each field that holds the time of a frame: the unit of the time, and whether it is a time of day.
 CLOCKS = {
     "FrameTime": ("ms", False),
     "TemporalPositionTimeOffset": ("s", False),
     **dict.fromkeys(("NominalCardiacTriggerDelayTime", "TriggerTime", "FrameReferenceTime"), ("ms", False)),
     **dict.fromkeys(("FrameAcquisitionDateTime", "AcquisitionDateTime", "AcquisitionTime"), ("s", True)),
 }
-# Units that stand for no unit, or for an unknown one, in capitals.
+# The texts, in capitals, that a field holds if values have no unit or an unknown one.
 _NO_UNITS = ("", "US", "NONE", "NORMALIZED", "RELATIVE")
-# A date and time, or a time of day: hours, minutes and seconds.
+# A date and time, or a time of day alone. The groups are hours, minutes and seconds.
 _CLOCK = re.compile(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]+)?)(?:[+-][0-9]{4})?\s*")
 
 # The fields of nuclear medicine that are vectors with a number for each frame.
@@ -125,7 +127,7 @@ VECTORS = (
 def open_dicom(path: Path, *, with_pixels: bool = False) -> tuple[Dataset, bool]:
     """Return the fields before the pixels of a DICOM file, or all fields, and whether more bytes follow them.
 
-    Raises InputError if it is damaged.
+    with_pixels: whether all fields are returned. Raises InputError if the file is damaged.
     """
     import pydicom
 
@@ -139,7 +141,7 @@ def open_dicom(path: Path, *, with_pixels: bool = False) -> tuple[Dataset, bool]
 
 
 def unreadable_slice(path: Path, hint: str = "the file is truncated or damaged", got: str | None = None) -> InputError:
-    """Return the error for a file that cannot be read."""
+    """Return the error for a DICOM file that cannot be read. got: what was found in the file, or None."""
     return InputError("this DICOM slice cannot be read", where=str(path), got=got, hint=hint)
 
 
@@ -165,7 +167,7 @@ def text_of(fields: Sequence[Dataset], keyword: str) -> str:
 
 
 def numbers_of(fields: Sequence[Dataset], keyword: str) -> list[float]:
-    """Return the numbers of a field from the first dataset that has it; none if a value is not a number."""
+    """Return the numbers of a field from the first dataset that has it; an empty list if a value is not a number."""
     return _numbers_in(text_of(fields, keyword))
 
 
@@ -176,7 +178,7 @@ def first_numbers(fields: Sequence[Dataset], keywords: Sequence[str], usual: lis
 
 
 def _numbers_in(text: str) -> list[float]:
-    """Return the numbers of a text, separated by backslashes; none if one is not a finite number."""
+    """Return the numbers in a text, which backslashes separate; an empty list if one is not a finite number."""
     try:
         numbers = [float(word) for word in text.split("\\")] if text else []
     except ValueError:
@@ -185,22 +187,22 @@ def _numbers_in(text: str) -> list[float]:
 
 
 def groups_of(dataset: Dataset, keyword: str) -> list[list[Dataset]]:
-    """Return for each item of a sequence of functional groups the datasets of the groups that are read."""
+    """Return the functional groups of _GROUPS in each item of a sequence. keyword: the sequence."""
     items = dataset[keyword].value if keyword in dataset else []
     found = [[item[group].value[0] for group in _GROUPS if group in item and item[group].value] for item in items]
     return [[*groups, *(group[_DIRECTIONS].value[0] for group in groups if _DIRECTIONS in group)] for groups in found]
 
 
 def vectors_of(dataset: Dataset, count: int) -> dict[Dimension, list[float]]:
-    """Return the vectors that have a number for each of `count` frames."""
+    """Return the vectors of nuclear medicine that have a number for each of `count` frames."""
     vectors = {each: numbers_of([dataset], each.name) for each in VECTORS}
     return {each: numbers for each, numbers in vectors.items() if len(numbers) == count}
 
 
 def frame_marks(fields: Sequence[Dataset], dimensions: Sequence[Dimension]) -> dict[Dimension, Mark]:
-    """Return the mark of a frame for each dimension that its fields have.
+    """Return the mark (value) of a frame in each dimension for which the frame has a field.
 
-    dimensions: the dimensions that the file declares, in the order of its indices.
+    dimensions: the dimensions that the file declares, in the order of the indices of a frame.
     """
     indices = numbers_of(fields, "DimensionIndexValues")
     marks: dict[Dimension, Mark] = {each: ([k], "") for each, k in zip(dimensions, indices, strict=False)}

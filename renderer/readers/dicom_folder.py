@@ -16,19 +16,22 @@ from renderer.readers.dicom_kinds import kind_of, kind_without_pixels
 from renderer.readers.sniff import is_dicom
 from renderer.scene import join_some, short_text
 
-# The most files of a folder that are searched for other slices of the series of a file that is read alone.
+# The largest number of files of a folder that are opened to find out whether a file that is read alone is a slice of a
+# series.
 _MAX_NEIGHBOURS = 1000
 
-# Images that do not fit the others are left out if the others are at least this many times as many.
+# Images that differ from most images of a folder, by series, size or orientation, are left out if the other images are
+# at least this many times as many; else they are an error.
 FEW = 8
 
-# The kind of an image with several frames.
+# The name of the kind of image that has several frames in one file.
 _OF_FRAMES = "file of several frames"
 
 # The kinds of images other than slices. The first kind that a folder has is read where the folder has no slices.
 _OTHERS = (_OF_FRAMES, "localizer", "capture")
 
-# Files that agree in these fields may be copies. The UID alone is not enough: some programs give all slices one UID.
+# Files that agree in these fields may be copies of each other. The UID alone is not enough: some programs give all
+# slices one UID.
 _IDENTITY = ("SOPInstanceUID", "InstanceNumber", "ImagePositionPatient")
 
 
@@ -123,7 +126,7 @@ def describe_left_out(left_out: dict[str, list[Path]]) -> str:
 def _check_none_lost(others: list[Path], files: list[Path]) -> None:
     """Raise InputError for a file that is not a DICOM image but is named like the slices.
 
-    It may be a damaged slice: at an end of the stack, nothing else shows that a slice is missing.
+    Such a file may be a damaged slice: at an end of the stack, nothing else shows that a slice is missing.
     """
     shape_of = partial(re.sub, "[0-9]+", "#")
     shapes = {shape_of(path.name) for path in files}

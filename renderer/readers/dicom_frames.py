@@ -56,16 +56,17 @@ _SIZES = ("Rows", "Columns", "SamplesPerPixel", "NumberOfFrames")
 # The fields that place a slice in a file of its own if it has no position, in the order in which they are tried.
 PLACE_KEYS = ("SliceLocation", "InstanceNumber")
 
-# The dimension of last resort for frames of one file: their order in the file.
+# The dimension that is tried last for the frames of one file: their order in the file.
 _FRAME_NUMBER = Dimension("frame number", "t", is_order=True)
-# Notes on fields that replace a missing one.
+# The note on a file whose slice thickness replaces the missing distance between slices.
 _THICK = "the file does not give the distance of its slices; their thickness (SliceThickness) is taken"
+# The note on a file whose numbers of slices in a stack replace the missing positions.
 _IN_STACK = "the slices have no positions; their InStackPositionNumber is taken"
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A slice of a DICOM file.
+    """A frame: one slice of a DICOM file.
 
     number: the index of the stored frame in the file, or None for an empty slice.
     size: pixels across and down.
@@ -73,7 +74,7 @@ class Frame:
     scale: the map from stored values to values.
     position: the centre of the first pixel, float64 [3].
     across, down: the steps to the next pixel, float64 [3].
-    thickness: the length along the normal; 1 without `has_thickness`.
+    thickness: the distance to the next slice, or the thickness of this one; 1 if the file gives neither.
     has_thickness: whether the file gives the thickness, or the scene the spacing.
     marks: the value of each dimension that may distinguish the slice from others at its place.
     corner: the pixel across and down at which the slice begins in the stored frame.
@@ -83,8 +84,9 @@ class Frame:
     has_place: whether the file gives the position; else `keys` has the fields of PLACE_KEYS.
     has_axes: whether the file gives the directions, or gives neither directions nor a position.
     keys: the numbers of the fields of PLACE_KEYS.
-    stated: the statements (`dicom_statements.py`) that are not applied.
-    space: the frame of reference of the position.
+    stated: the names of fields in the file that change how voxels are understood, but are not applied
+        (`dicom_statements.py`).
+    space: the UID of the frame of reference: positions with the same UID are in the same coordinates.
     has_colors: whether the samples are red, green and blue.
     segment: the number of the segment of the slice.
     """
@@ -148,7 +150,7 @@ class _File(NamedTuple):
     dimensions: the dimensions that the file declares.
     vectors: the vectors of nuclear medicine, with a number for each frame.
     places: the index of each frame among the slices of its volume.
-    offsets: the offset of each frame of a dose.
+    offsets: the distance of each frame of a dose from the first, or its z in the patient.
     run: for times of one plane, the dimension that distinguishes them and a note; None for slices.
     run_times: the time of each frame of a run.
     notes: remarks on the whole file; None stands for no remark.
@@ -175,7 +177,7 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
     """Return the frames of a file in the order in which it stores them.
 
     has_spacing_override: the scene gives the spacing, and lengths that the file does not give are 1. Raises InputError
-        for damaged files, for files without pixels, and without an override for missing lengths.
+        for damaged files, for files without pixels, and for missing lengths that the scene does not give.
     """
     dataset, has_pixels = open_dicom(path)
     require_image(path, dataset, has_pixels=has_pixels)
@@ -187,7 +189,7 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
         marks = {each: ([numbers[number]], "") for each, numbers in file.vectors.items()}
         marks |= {file.run[0]: ([number], "")} if file.run else {}
         marks |= frame_marks(own, file.dimensions)
-        marks = marks | marks_of_all | marks  # a frame's own marks come first, and win
+        marks = marks | marks_of_all | marks  # a frame's own marks come first, and replace those that all frames share
         marks |= {_FRAME_NUMBER: ([number], "")} if file.num_frames > 1 else {}
         frames.append(replace(frame, marks=marks))
     return frames
@@ -236,7 +238,7 @@ def _read_layout(path: Path, dataset: Dataset) -> tuple[_File, list[list[Dataset
 
 
 def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> Frame:
-    """Return a frame, without its marks. is_needed: as in `_lengths`."""
+    """Return a frame, without its marks. is_needed: whether missing lengths raise InputError."""
     dataset = file.dataset
     fields = [*own, *file.shared, dataset, *file.items]
     has_own = any(keyword in group for keyword in _POSITIONS for group in (*own, *file.shared))
@@ -287,9 +289,9 @@ def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> 
 def _places(
     dataset: Dataset, vectors: dict[Dimension, list[float]], each: list[list[Dataset]]
 ) -> tuple[Sequence[float], str | None]:
-    """Return the index of each frame among the slices of its volume, for a file without positions, and a note.
+    """Return the index of each frame among the slices of its volume, for a file without positions, and a note or None.
 
-    The note names the field of the indices if it is not the usual one.
+    The note names the field of the indices if it is not the usual one (SliceVector).
     """
     numbers = numbers_of([dataset], "SliceVector")
     if len(numbers) == len(each):
@@ -326,11 +328,11 @@ def _lengths(file: _File, fields: list[Dataset], *, is_stacked: bool, is_needed:
     pairs = (numbers_of(fields, keyword) for keyword in _IN_PLANE)
     pair = next((found for found in pairs if len(found) == 2 and min(found) > 0), [])
     stated, thick = (first_numbers(fields, [each], [0.0])[0] for each in ("SpacingBetweenSlices", "SliceThickness"))
-    thick *= "LOCALIZER" not in text_of(fields, "ImageType")  # a localizer may be as thick as the body
+    thick *= "LOCALIZER" not in text_of(fields, "ImageType")  # the thickness of a localizer may be that of the body
     between, note = stated or max(thick, 0.0), _THICK if is_stacked and not stated and thick > 0 else None
     got = None
     if not pair and file.run:
-        aspect = numbers_of(fields, "PixelAspectRatio")  # the vertical length, and the horizontal one
+        aspect = numbers_of(fields, "PixelAspectRatio")  # the height of a pixel, and its width
         ratio = aspect[0] / aspect[1] if len(aspect) == 2 and min(aspect) > 0 else 1.0
         by = " by PixelAspectRatio" * (ratio != 1.0)
         has_regions = any(each.get("SequenceOfUltrasoundRegions") for each in fields)

@@ -16,7 +16,8 @@ from renderer.scene import short_text
 _SPECTRA = ("MR Spectroscopy",)
 # Kinds of files that hold tiles of a slide.
 _SLIDES = ("VL Whole Slide Microscopy Image",)
-# Modalities whose frames are times of one plane, unless the file gives a place for each frame.
+# The modalities whose frames are times of one plane, unless the file gives a place for each frame; and a name for such
+# a run.
 _RUNS = {
     "XA": "an X-ray run",
     "RF": "an X-ray run",
@@ -30,9 +31,9 @@ _RUNS = {
     "GM": "a film of a microscope",
     "OP": "a film of an eye",
 }
-# Fields with the time from one frame to the next (PS3.3, C.7.6.5 and C.7.6.6).
+# Fields with the time from one frame of a run to the next (PS3.3, C.7.6.5 and C.7.6.6).
 _STEPS = ("FrameTimeVector", "FrameTime")
-# The name of the dimension of a run without times.
+# The name of the dimension that distinguishes the frames of a run without times.
 _NUMBERED = "frame number"
 # The beginning of the UIDs of transfer syntaxes that compress by JPEG or as a film; a number follows.
 _COMPRESSED = "1.2.840.10008.1.2.4."
@@ -108,9 +109,10 @@ def _name_of(syntax: str) -> str:
 
 
 def _is_decoded(syntax: str) -> bool:
-    """Return whether a transfer syntax can be decoded; true for an empty text, of a file without a preamble.
+    """Return whether the pixels of a transfer syntax can be decoded.
 
-    Raises InputError if a package with the decoder is not installed.
+    A file without a preamble has an empty text for the syntax, and pixels that can be decoded. Raises InputError if a
+    package with the decoder is not installed.
     """
     from pydicom.pixels.decoders.base import get_decoder
     from pydicom.uid import UID
@@ -153,7 +155,7 @@ def _increments(dataset: Dataset) -> list[str]:
 
 
 def times_of_run(dataset: Dataset, count: int) -> list[float]:
-    """Return the times of the frames of a run, in ms after the first; none if the file has no times."""
+    """Return the times of the frames of a run, in ms after the first; an empty list if the file has no times."""
     vector, step = numbers_of([dataset], "FrameTimeVector"), numbers_of([dataset], "FrameTime")
     if len(vector) == count:  # the first number is 0, as no frame comes before
         return list(accumulate([0.0, *vector[1:]]))

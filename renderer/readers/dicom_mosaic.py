@@ -13,17 +13,18 @@ from renderer.readers.dicom_fields import IMAGE_TYPE, Dataset, numbers_of, open_
 from renderer.readers.dicom_frames import Frame
 from renderer.volume import Float64
 
-# Notes on missing fields of a mosaic.
+# The note on a mosaic whose number of slices is missing.
 _GUESSED = "a mosaic that does not say how many slices it has; all of its {} tiles are taken for slices"
+# The note on a mosaic whose distance between slices is missing.
 _THICK = "a mosaic without a distance of slices; their thickness is taken"
 
 
 def slices_of(frame: Frame) -> list[Frame]:
     """Return the slices of a mosaic, or the frame itself if it is not a mosaic.
 
-    The stated position is the corner of an image that is as large as the mosaic, but has the centre of a slice. Without
-    the normal in Siemens' own header, slices follow the normal of the image. Raises InputError if the pixels cannot be
-    divided into the slices.
+    The position in the file is the corner of an imaginary image, as large as the mosaic, around the centre of the first
+    slice. Slices follow one another along the normal in Siemens' own header or, without it, the normal of the image.
+    Raises InputError if the pixels cannot be divided into the slices.
     """
     if "MOSAIC" not in str(frame.marks.get(IMAGE_TYPE)):
         return [frame]
@@ -56,7 +57,7 @@ def _siemens_header(dataset: Dataset) -> tuple[int, Float64 | None]:
     The number is 0, and the normal is None, if the field is missing or damaged.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # nibabel warns that this module is experimental
+        warnings.simplefilter("ignore")  # nibabel warns that csareader is experimental
         from nibabel.nicom import csareader
     reader: Any = csareader
     number, normal = 0, None

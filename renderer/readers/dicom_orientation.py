@@ -10,9 +10,9 @@ import numpy as np
 from renderer.readers.dicom_fields import Dataset, numbers_of, text_of
 from renderer.volume import Float64
 
-# Directions of rows along x and columns along y.
+# The directions of a frame with rows along x and columns along y.
 _ALONG_XY = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
-# Directions in LPS, by the letters of PatientOrientation.
+# The direction, in LPS, that each letter of PatientOrientation stands for.
 _LETTERS = {
     "L": [1.0, 0.0, 0.0],
     "R": [-1.0, 0.0, 0.0],
@@ -21,6 +21,7 @@ _LETTERS = {
     "H": [0.0, 0.0, 1.0],
     "F": [0.0, 0.0, -1.0],
 }
+# The note on directions that only letters give.
 _BY_LETTERS = "the file does not give directions as numbers; those of PatientOrientation are taken"
 
 
@@ -38,8 +39,9 @@ class Axes(NamedTuple):
 
 
 def axes_of(fields: Sequence[Dataset]) -> Axes:
-    """Return the directions of a frame in the patient, by numbers or else by letters, or in the space of a transducer.
+    """Return the directions of the rows and columns of a frame.
 
+    They are in the patient, or, for ultrasound, in the space of the transducer. Numbers are preferred to letters.
     Without directions in the file, rows lie along x and columns along y. The axes of a quadruped are not LPS.
     """
     is_quadruped = text_of(fields, "AnatomicalOrientationType") == "QUADRUPED"
@@ -60,6 +62,9 @@ def _axes(numbers: list[float], *, are_of_patient: bool) -> Axes:
 
 
 def _by_letters(text: str) -> list[float]:
-    """Return the directions that a text of two words names; the first letter is the main one (PS3.3, C.7.6.1.1.1)."""
+    """Return the directions that the two words of a text name, by the first letter of each (PS3.3, C.7.6.1.1.1).
+
+    Returns an empty list if the words do not name two directions.
+    """
     row, column = ([*(_LETTERS.get(word.strip()[:1], ()) for word in text.split("\\")), (), ()])[:2]
     return [*row, *column] if row and column and not any(a * b for a, b in zip(row, column, strict=True)) else []

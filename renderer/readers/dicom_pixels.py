@@ -15,12 +15,15 @@ from renderer.volume import Array
 
 # Fields that pydicom needs to decode pixels, with the values that are assumed where a writer left them out.
 _USUAL = {"SamplesPerPixel": 1, "PhotometricInterpretation": "MONOCHROME2", "PixelRepresentation": 0}
-# The beginnings of the keywords of a palette.
+# The beginnings of the keywords of fields with a palette: a list of colours.
 _PALETTES = [f"{color}PaletteColorLookupTable" for color in ("Red", "Green", "Blue")]
 
 
 def has_palette(dataset: Dataset) -> bool:
-    """Return whether the stored values are indices into a palette of the file; false for labels."""
+    """Return whether the stored values are indices into a palette of the file.
+
+    The stored values of a segmentation are labels, also if it has a palette.
+    """
     is_palette = text_of([dataset], "PhotometricInterpretation").strip() == "PALETTE COLOR"
     has_colors = all(
         len(numbers_of([dataset], f"{name}Descriptor")) == 3
@@ -59,7 +62,7 @@ def stored_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, Arr
 
 
 def _with_pixels(path: Path) -> Dataset:
-    """Return a file with all fields that pydicom needs to decode its pixels.
+    """Return all fields of a file; missing fields that pydicom needs to decode pixels are filled in.
 
     Raises InputError for compressions that cannot be decoded.
     """
@@ -87,7 +90,7 @@ def _colors_of(stored: Array, dataset: Dataset) -> Array:
 
 
 def _without_unused_bits(pixels: Array, dataset: Dataset) -> Array:
-    """Return pixels with only the bits that BitsStored counts, and their sign; other bits may hold overlays."""
+    """Return pixels without the bits that BitsStored does not count, which may hold overlays; signs are kept."""
     stored = int(dataset.get("BitsStored") or 16)
     unused = 8 * pixels.itemsize - stored
     if pixels.dtype.kind == "f" or unused <= 0:

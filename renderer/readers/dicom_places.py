@@ -21,7 +21,8 @@ from renderer.volume import Float64
 # gantries are not perfect; where a slice is missing, the distance is a whole step.
 UNEVEN = 0.05
 
-# The planes of slices whose places differ along x, y and z: name, and usual directions of rows and columns in LPS.
+# The planes of slices that lie one behind the other along x, along y and along z: the name of the plane, and the usual
+# directions of rows and of columns in it, in LPS.
 _PLANES = (
     ("sagittal", (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
     ("coronal", (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
@@ -59,9 +60,10 @@ def placed(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
 
 
 def turned(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
-    """Return frames with directions: if the file gives none, guessed from the places of the frames; and a note on them.
+    """Return frames that have directions of rows and columns, and a note if these are guessed.
 
-    Frames whose places differ most along x are taken for sagittal slices, along y for coronal, along z for axial ones.
+    Directions are guessed from the places of the frames if the files give none. Frames whose places differ most along x
+    are taken for sagittal slices, along y for coronal, along z for axial ones.
     """
     extents = np.ptp([frame.position for frame in frames], axis=0)
     if frames[0].has_axes or not extents.any():
@@ -75,7 +77,9 @@ def turned(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
 
 
 def _places_by(keyword: str, frames: Sequence[Frame]) -> Float64 | None:
-    """Return the positions of all frames, float64 [n, 3], by a field with a number for each; None if it does not suit.
+    """Return the positions of all frames, float64 [n, 3], by a field with a number for each frame.
+
+    Returns None if the field does not suit.
 
     The positions are a linear function of the number, fitted to the known positions. If no position is known, slices
     follow the normal.
@@ -103,7 +107,10 @@ def _places_by(keyword: str, frames: Sequence[Frame]) -> Float64 | None:
 
 
 def without_strays(frames: list[Frame]) -> tuple[list[Frame], list[Frame]]:
-    """Return the largest group of frames that `difference` finds alike, and the others, unless these are many."""
+    """Return the largest group of frames that `difference` finds alike, and all other frames.
+
+    If the other frames are too many to be left out (FEW), returns all frames and an empty list.
+    """
     kinds: list[list[Frame]] = []
     for frame in frames:
         for kind in kinds:
@@ -168,7 +175,7 @@ def by_place(frames: Sequence[Frame]) -> list[list[Frame]]:
 
 
 def are_one_volume(frames: Sequence[Frame]) -> bool:
-    """Return whether frames are alike, evenly spaced, and equally many at each place."""
+    """Return whether frames are alike, have evenly spaced places, and are equally many at each place."""
     if any(difference(frames[0], frame) is not None for frame in frames):
         return False
     groups = by_place(frames)
@@ -212,7 +219,7 @@ def even_step(frames: Sequence[Frame]) -> Float64:
 
 
 def _unevenness(frames: Sequence[Frame]) -> tuple[int, float]:
-    """Return the index of the frame that is farthest from its even place, and that distance in steps."""
+    """Return the index of the frame that is farthest from its place by even steps, and that distance in steps."""
     if len(frames) == 1:
         return 0, 0.0
     positions = np.array([frame.position for frame in frames])

@@ -27,10 +27,10 @@ _LAB_MAXIMUM = 65535.0
 
 
 class Segments(NamedTuple):
-    """The segments of a file.
+    """The segments that a DICOM segmentation describes.
 
-    labels: the names and colours of the segments. note: a remark on wrong labels, or None. kind: BINARY, FRACTIONAL or
-    LABELMAP. background: the stored value of voxels outside of all segments, in a labelmap.
+    labels: the names and colours of the segments. note: a remark on descriptions that cannot be read, or None. kind:
+    BINARY, FRACTIONAL or LABELMAP. background: the stored value of voxels outside of all segments, in a labelmap.
     """
 
     labels: tuple[Label, ...]
@@ -86,7 +86,7 @@ def fit_together(volumes: Sequence[Sequence[Frame]]) -> bool:
 def join_volumes(volumes: Sequence[Sequence[Frame]], host: Host) -> tuple[Array, str | None]:
     """Return the segment number of each voxel [z, y, x], and a note if segments overlap.
 
-    volumes: one volume for each segment.
+    volumes: the frames of each segment, in order.
     """
     path = volumes[0][0].file
     host.begin_file(path)
@@ -109,7 +109,10 @@ def join_volumes(volumes: Sequence[Sequence[Frame]], host: Host) -> tuple[Array,
 
 
 def channels_of(volumes: Sequence[Sequence[Frame]], labels: Sequence[Label], *, are_light: bool) -> tuple[Channel, ...]:
-    """Return a channel for each segment, with its name and colour."""
+    """Return a channel for each segment, with the name and colour of the segment.
+
+    volumes: the frames of each segment. are_light: whether each segment is drawn as light of its own.
+    """
     by_number = {label.value: label for label in labels}
     found = (by_number.get(volume[0].segment, Label(volume[0].segment)) for volume in volumes)
     return tuple(Channel(label.name, label.color, None, are_light) for label in found)

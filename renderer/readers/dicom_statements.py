@@ -7,10 +7,13 @@ from collections.abc import Iterable, Sequence
 from renderer.readers.dicom_fields import TOLD_APART, VECTORS, Dataset, numbers_of, text_of
 from renderer.readers.statements import FormatTable, Statement
 
-# Names of statements that are found by more than the value of one field.
+# The name of the statement (field that changes how voxels are understood) that low values are shown light.
 MONOCHROME1 = "PhotometricInterpretation MONOCHROME1"
+# The name of the statement that frames have different frames of reference.
 OTHER_SPACE = "FrameOfReferenceUID"
+# The name of the statement on the tilt of the gantry, which is needed only where slices have no positions.
 _TILT = "GantryDetectorTilt"
+# The name of the statement on how the patient lies, which is needed only where slices have no directions.
 _LIES = "PatientPosition"
 
 _VALUES = (
@@ -88,7 +91,8 @@ _MEANING = (
 )
 STATEMENTS = FormatTable("DICOM", (*_VALUES, *_PLACE, *_VALIDITY, *_MEANING))
 
-# The values with which unapplied fields change nothing. A missing field changes nothing either.
+# The values with which each field that is not applied changes nothing, so that no note names it. A missing field
+# changes nothing either.
 _NEUTRAL = {
     "PresentationLUTShape": ("IDENTITY",),
     "PixelIntensityRelationship": ("LIN",),
@@ -102,14 +106,17 @@ _NEUTRAL = {
     "DoseSummationType": ("PLAN", "MULTI_PLAN"),
     "EstimatedRadiographicMagnificationFactor": ("1", "1.0"),
 }
-# The group numbers of overlays.
+# The group numbers of the fields of overlays: graphics over an image.
 _OVERLAYS = range(0x6000, 0x6020, 2)
-# The element with the number of rows in each group of an overlay.
+# The element number of the field with the rows of an overlay. Every overlay has this field.
 _ROWS_OF_OVERLAY = 0x0010
 
 
 def stated_in(fields: Sequence[Dataset], *, has_place: bool, has_axes: bool) -> frozenset[str]:
-    """Return the statements of a frame that are not applied; OTHER_SPACE needs several frames and is not among them.
+    """Return the names of the statements about a frame that are not applied.
+
+    Statements are fields that change how voxels are understood. OTHER_SPACE is not among the names: several frames must
+    be compared to find it.
 
     has_place, has_axes: whether the frame has a position, and directions.
     """
@@ -131,9 +138,10 @@ def stated_in(fields: Sequence[Dataset], *, has_place: bool, has_axes: bool) -> 
 
 
 def note_on(found: Iterable[frozenset[str]], spaces: Iterable[str]) -> str | None:
-    """Return the note on the statements of all frames that are not applied; None if there are none.
+    """Return the note on the statements that are not applied; None if there are none.
 
-    spaces: the frames of reference of their positions; an empty text for an unknown one.
+    found: the names that `stated_in` returns for each frame. spaces: the UID of the frame of reference of each frame;
+    an empty text for an unknown one.
     """
     are_several = len({*spaces} - {""}) > 1
     return STATEMENTS.note(frozenset[str]().union(*found, {OTHER_SPACE} if are_several else ()))

@@ -9,30 +9,41 @@ import struct
 from pathlib import Path
 from typing import IO, NamedTuple
 
-# The groups and elements of SeriesInstanceUID, NumberOfFrames and TransferSyntaxUID.
+# The tag (group and element) of SeriesInstanceUID.
 _SERIES = (0x0020, 0x000E)
+# The tag of NumberOfFrames.
 _NUM_FRAMES = (0x0028, 0x0008)
+# The tag of TransferSyntaxUID.
 _SYNTAX = (0x0002, 0x0010)
-# The tags that begin an item of a sequence, end an item, and end a sequence.
+# The tag that begins an item of a sequence.
 _ITEM = (0xFFFE, 0xE000)
+# The tag that ends an item of a sequence.
 _ITEM_END = (0xFFFE, 0xE00D)
+# The tag that ends a sequence.
 _SEQUENCE_END = (0xFFFE, 0xE0DD)
-# Three transfer syntaxes: without types of values, with the most significant byte first, and with compressed fields.
+# The transfer syntax of fields that do not state the types of their values.
 _IMPLICIT = "1.2.840.10008.1.2"
+# The transfer syntax of numbers with the most significant byte first.
 _BIG_ENDIAN = "1.2.840.10008.1.2.2"
+# The transfer syntax of fields that are compressed.
 _DEFLATED = "1.2.840.10008.1.2.1.99"
-# The types of values with a length of four bytes, after two bytes of padding.
+# The types of values whose length is stored in four bytes, behind two bytes of padding. All other lengths have two
+# bytes.
 _LONG = {b"OB", b"OD", b"OF", b"OL", b"OV", b"OW", b"SQ", b"SV", b"UC", b"UN", b"UR", b"UT", b"UV"}
-# The length of a sequence or an item that ends with a tag of its own.
+# The number that stands for an unknown length: the sequence or item ends with a tag of its own.
 _UNDEFINED = 0xFFFFFFFF
-# The most elements that are read, elements in sequences included: more than headers have before rows and columns.
+# The largest number of elements (fields) of a file that are read, those in sequences included: more than headers have
+# before the rows and columns.
 _MAX_ELEMENTS = 20_000
-# The most bytes of a value that is read. A UID has 64 bytes at most.
+# The largest length in bytes of a value that is read; longer values are skipped. A UID has 64 bytes at most.
 _MAX_VALUE_BYTES = 128
 
 
 class Summary(NamedTuple):
-    """A file's number of frames, 1 if it states none, and its series, an empty text if it is unknown."""
+    """The number of frames of a DICOM file, and the UID of its series.
+
+    num_frames: 1 if the file states none. series: an empty text if it is unknown.
+    """
 
     num_frames: int = 1
     series: str = ""
@@ -51,7 +62,7 @@ def summarize(path: Path) -> Summary:
 
 
 def _read_texts(file: IO[bytes]) -> dict[tuple[int, int], str]:
-    """Return the texts of the fields that are needed; the file may end anywhere."""
+    """Return the texts of transfer syntax, series and number of frames, by their tags; the file may end anywhere."""
     start = file.read(132)
     if start[128:] != b"DICM":
         file.seek(0)

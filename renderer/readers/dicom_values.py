@@ -17,10 +17,11 @@ from renderer.errors import InputError
 from renderer.readers.dicom_fields import Dataset, first_numbers, numbers_of, text_of, unreadable_slice
 from renderer.volume import Array
 
-# Keywords of sequences.
+# The keyword of the sequence with slope and intercept to a real unit.
 _MAPPING = "RealWorldValueMappingSequence"
+# The keyword of the sequence with the code of a real unit.
 _UNIT = "MeasurementUnitsCodeSequence"
-# Codes of UCUM for units that have another name here.
+# The names of units whose codes in UCUM, the code system that DICOM uses, differ from the names.
 _UNITS = {"[hnsf'U]": "HU", "1": ""}
 # The largest relative difference between two slopes, or two intercepts, that count as equal.
 _SAME = 1e-6
@@ -28,7 +29,7 @@ _SAME = 1e-6
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the values of consecutive stored values, from `first` on.
+    """A table with the value of each stored value from `first` on.
 
     A stored value outside of the table has the value at the nearer end.
     """
@@ -56,7 +57,10 @@ class Scale:
 
     @property
     def nodata(self) -> tuple[float, float] | None:
-        """Return the first and last of the values that stand for no data; None if there are none, or with a table."""
+        """Return the first and last of the values that stand for no data.
+
+        Returns None if no values stand for no data, or if a table gives the values.
+        """
         if self.padding is None or self.table is not None:
             return None
         low, high = sorted(end * self.slope + self.intercept for end in self.padding)
@@ -108,7 +112,7 @@ def _modality_table(path: Path, dataset: Dataset) -> Table | None:
     if len(descriptor) != 3 or not descriptor[2] % 2**16 <= 16:
         raise _table_error(path, f"LUTDescriptor = {text_of([item], 'LUTDescriptor')}")
     count, bits = int(descriptor[0]) % 2**16 or 2**16, int(descriptor[2])
-    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # two values in each word
+    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # each word has two values
         data = np.array(data, "<u2" if is_little else ">u2").view(np.uint8)
     if len(data) < count:
         raise _table_error(path, f"{len(data)} of {count} values")
@@ -117,7 +121,7 @@ def _modality_table(path: Path, dataset: Dataset) -> Table | None:
 
 
 def _whole_numbers(item: Dataset, keyword: str, is_little: bool) -> Array:
-    """Return the unsigned integers of a field, whether it holds numbers or bytes."""
+    """Return the unsigned integers of 16 bits in a field, whose value may be numbers or bytes."""
     value = item.get(keyword)
     if isinstance(value, bytes):
         return np.frombuffer(value[: len(value) // 2 * 2], "<u2" if is_little else ">u2")
@@ -132,7 +136,7 @@ def _table_error(path: Path, got: str) -> InputError:
 
 
 def as_stored(dataset: Dataset, number: float) -> float:
-    """Return a stored value of 16 bits with the sign that pixels have, whatever the type of its field."""
+    """Return a number of 16 bits with the sign that stored pixels have, whatever the type of the number's field."""
     return (number + 2**15) % 2**16 - 2**15 if dataset.get("PixelRepresentation") else number % 2**16
 
 
@@ -154,7 +158,7 @@ def _padding(dataset: Dataset) -> tuple[float, float] | None:
 def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtype[Any]:
     """Return the dtype of rescaled values: the smallest sufficient integers if both numbers are whole, else floats.
 
-    Files of floats have no BitsStored.
+    A file without BitsStored stores floats.
     """
     bits, stored = int(dataset.get("BitsAllocated") or 16), int(dataset.get("BitsStored") or 16)
     if not 1 <= stored <= bits or bits not in (1, 8, 16, 32, 64):

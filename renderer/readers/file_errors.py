@@ -14,7 +14,7 @@ from typing import TypeVar
 from renderer.errors import InputError
 from renderer.scene import missing_file_error, short_text
 
-# The type of a description of a label.
+# The type in which labels are described.
 T = TypeVar("T")
 
 
@@ -25,7 +25,7 @@ def require_exists(path: Path) -> Path:
             raise InputError("no permission to read this", where=str(path))
         if not (path.is_file() or path.is_dir()):
             raise InputError("this is neither a file nor a folder", where=str(path))
-        if path.is_file() and path.stat().st_size == 0:  # files of the kernel have the size 0, too, and may block
+        if path.is_file() and path.stat().st_size == 0:  # special files have the size 0, too, and may block reading
             raise InputError("an empty file", where=str(path))
         return path
     raise missing_file_error(path, "no such file or folder")

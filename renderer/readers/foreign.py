@@ -19,13 +19,13 @@ from renderer.scene import short_text
 
 # The files that describe an array of Zarr, of version 2 or 3. In version 3, the file may also describe a group.
 _ZARR_ARRAYS = (".zarray", "zarr.json")
-# The most folders in which an array of Zarr is searched for.
+# The largest number of folders in which an array of Zarr is searched for.
 _MAX_ZARR_FOLDERS = 1000
-# The most bytes that are read of the description of an array of Zarr.
+# The largest number of bytes of the description of a Zarr array that are read.
 _MAX_ZARR_BYTES = 2**20
 # A file name that needs no escapes between quotes, in a shell or in Python.
 _PLAIN_NAME = re.compile(r"[\w .+-]{1,200}")
-# The first bytes of the pointers of git-lfs and git-annex.
+# The first bytes of pointers: short texts that git-lfs or git-annex keeps in place of a file.
 _POINTERS = (b"version https://git-lfs", b"/annex/objects/")
 # The number of bytes that are read to recognise a pointer.
 _POINTER_BYTES = 64
@@ -79,7 +79,7 @@ def refuse_zarr(path: Path) -> None:
 
 
 def _first_array(folder: Path) -> Path | None:
-    """Return the Zarr array that is highest in a folder, the folder itself included; None if there is none."""
+    """Return the Zarr array that is the fewest levels below a folder, or the folder itself; None if there is none."""
     num_left, folders = _MAX_ZARR_FOLDERS, [folder]
     while folders and num_left > 0:
         num_left -= len(folders)
@@ -91,7 +91,7 @@ def _first_array(folder: Path) -> Path | None:
 
 
 def _folders_in(folder: Path) -> list[Path]:
-    """Return the first folders in a folder, in natural order; links are left out."""
+    """Return the first folders in a folder, short names first; links and names that need escapes are left out."""
     with os.scandir(folder) as entries:
         names = [each.name for each in islice(entries, _MAX_ZARR_FOLDERS) if each.is_dir(follow_symlinks=False)]
     return [folder / name for name in sorted(names, key=lambda name: (len(name), name)) if _PLAIN_NAME.fullmatch(name)]

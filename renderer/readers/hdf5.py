@@ -1,7 +1,8 @@
 """Read an image of HDF5 (.h5, .ims, MATLAB 7.3) or netCDF-4 (.nc), by h5py, in a child process (`isolation.py`).
 
 A convention says which datasets are images, and gives the axes and the meaning of their numbers. `_CONVENTIONS` lists
-them; the last one describes any dataset. No other file is ever opened, except for the description of BigDataViewer.
+the conventions; the last one describes any dataset. No other file is ever opened, except for the description of
+BigDataViewer.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from renderer.readers.voxel_limits import describe_shape
 from renderer.scene import did_you_mean, join_some, short_text
 from renderer.volume import Array
 
-# The functions that find the images of a file, one for each convention. The first that finds any image is used.
+# The functions that find the images of a file, one for each convention, in the order in which they are tried.
 _CONVENTIONS = (
     hdf5_imaris.find_images,
     hdf5_bdv.find_images,
@@ -96,7 +97,7 @@ def _read(source: Any, part: tuple[int | slice, ...], meaning: Values, host: Hos
 
 
 def _steps(image: StoredImage, letters: str, chosen: Chosen) -> TimeSteps:
-    """Return the steps in time, from the image itself or from its axis of time."""
+    """Return the steps in time: of the image itself, else of its axis of time, else of `chosen`."""
     if image.steps is not None:
         return image.steps
     return image.axes[letters.index("t")].times() if "t" in letters else chosen.steps
@@ -112,7 +113,7 @@ def _channels(image: StoredImage, chosen: Chosen) -> tuple[Any, ...]:
 
 
 def _candidates(file: Any) -> Iterator[list[Candidate]]:
-    """Yield the list of images by each convention that finds any image."""
+    """Yield the images that each convention finds, for the conventions that find any."""
     yield from filter(None, (find(file) for find in _CONVENTIONS))
 
 
@@ -141,7 +142,7 @@ def _only(file: Any) -> Candidate:
 
 
 def _named(file: Any, name: str) -> Candidate:
-    """Return the image with a name; raises InputError if there is none."""
+    """Return the image called `name`; raises InputError if there is none."""
     every = [each for found in _candidates(file) for each in found]
     for each in every:
         if each.name == name.strip("/"):

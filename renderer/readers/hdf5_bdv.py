@@ -40,24 +40,26 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The name of the group of a setup.
+# The name of the HDF5 group of a setup, with the number of the setup.
 _SETUP = re.compile("s([0-9]{2,6})")
 
-# The most times of an image; a larger number shows a damaged file.
+# The largest number of times of an image. Further times are not found.
 _MAX_TIMES = 10_000
-# The most levels of an image.
+# The largest number of levels of resolution of an image. A group with more levels does not count as a setup.
 _MAX_LEVELS = 64
-# The largest size of a level's voxel, in voxels of the finest level.
+# The largest size of a voxel of a coarser level, in voxels of the finest level. A larger size is an error.
 _MAX_FACTOR = 2**20
+# The note on lengths that are guessed because there is no .xml file.
 _NO_XML = f"{NO_SPACING}: the .xml of BigDataViewer, which has it, is not beside it"
 
 
 @dataclass(frozen=True)
 class _Setup:
-    """A setup as the .xml file describes it: its number, name, sizes, lengths along z, y and x, and their unit.
+    """A setup, such as a channel or a view, as the .xml file describes it.
 
-    others: its attributes apart from the channel, such as its angle, by name. Setups that agree in them are channels of
-    one image.
+    sizes: the numbers of voxels along z, y and x. lengths: the lengths of a voxel along z, y and x, in `unit`. others:
+    the names and values of all attributes except for the channel, such as the angle. Setups that agree in `others` are
+    channels of one image.
     """
 
     number: int
@@ -70,7 +72,10 @@ class _Setup:
 
 @dataclass(frozen=True)
 class _Description:
-    """The content of an .xml file: its setups, and whether it moves images. is_there: whether the file exists."""
+    """The content of the .xml file beside an HDF5 file.
+
+    setups: the setups, by number. is_moved: whether the file turns or shifts images. is_there: whether the file exists.
+    """
 
     setups: dict[int, _Setup] = field(default_factory=dict)
     is_moved: bool = False
@@ -80,7 +85,7 @@ class _Description:
 def find_images(file: Group) -> list[Candidate]:
     """Return the images of a file, each of one setup or of several setups that are its channels.
 
-    The coarser levels are candidates that are parts of an image.
+    Each coarser level is returned, too, but is read only if the scene names it.
     """
     numbers = sorted(int(name[1:]) for name in file if _SETUP.fullmatch(name))
     levels = {number: factors for number in numbers if len(factors := _level_factors(file, number))}
@@ -111,7 +116,7 @@ def _level_factors(file: Group, setup: int) -> Float64:
 
 
 def _channels_of_images(numbers: Sequence[int], description: _Description) -> list[list[int]]:
-    """Return the setups of each image; setups that only differ in their channel are one image."""
+    """Return the numbers of the setups of each image; setups that differ only in their channel form one image."""
     images: dict[object, list[int]] = {}
     for number in numbers:
         setup = description.setups.get(number)
@@ -222,7 +227,7 @@ def _setup(element: ElementTree.Element) -> _Setup | None:
 
 
 def _moves(text: str) -> bool:
-    """Return whether the 12 numbers of an affine do more than scale the axes."""
+    """Return whether a text with the 12 numbers of an affine does more than scale the axes."""
     numbers = np.array(_numbers(text))
     if len(numbers) != 12:
         return False

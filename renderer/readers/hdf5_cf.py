@@ -1,7 +1,7 @@
 """Describe any dataset of HDF5 or netCDF-4, by the conventions of netCDF (CF), by ilastik, or by its shape alone.
 
-The dimension scale of an axis has its coordinates. Coordinates of a vertical axis grow downwards where `positive` says
-so, and where they are pressures.
+The dimension scale of an axis, a dataset that belongs to it, has the coordinates along the axis. Coordinates of a
+vertical axis grow downwards where `positive` says so, and where they are pressures.
 """
 
 from __future__ import annotations
@@ -85,21 +85,21 @@ _UPWARDS = (
     "atmosphere_ln_pressure_coordinate",
     "atmosphere_hybrid_height_coordinate",
 )
-# Units in degrees, by the axis of the world along which coordinates with these units lie.
+# The units of longitudes and latitudes, by the axis of the world along which such coordinates lie.
 _DEGREES = {"x": re.compile("degrees?_?(e|east)", re.IGNORECASE), "y": re.compile("degrees?_?(n|north)", re.IGNORECASE)}
-# The axis of the world along which coordinates lie, by their standard name.
+# The axis of the world along which coordinates lie, by the standard name of the coordinates.
 _STANDARD_WAYS = {"longitude": "x", "grid_longitude": "x", "projection_x_coordinate": "x"}
 _STANDARD_WAYS |= {"latitude": "y", "grid_latitude": "y", "projection_y_coordinate": "y"}
 # Calendars whose days are those of everyday life; an empty name stands for the standard calendar.
 _USUAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian")
-# The most names of the attribute `coordinates` that are looked up.
+# The largest number of names in the attribute `coordinates` that are looked up.
 _MAX_PLACES = 16
 # Parts of the names of attributes that may hold lengths or places; a note lists such attributes.
 _MAY_BE_LENGTHS = re.compile("spacing|voxel|pixel|resolution|origin|extent|direction|transform|size_|_size|apix")
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return all datasets of numbers with three axes or more, and datasets with two axes as parts."""
+    """Return all datasets of numbers with two axes or more; those with two are read only if the scene names them."""
     import h5py
 
     return [
@@ -136,7 +136,7 @@ def values_with_labels(dataset: Dataset) -> Values:
 
 
 def _unapplied(dataset: Dataset, axes: tuple[Axis, ...]) -> Iterator[str]:
-    """Yield the statements about a dataset that are not applied and would change something."""
+    """Yield the names of attributes that change how a dataset is understood, but are not applied."""
     yield from (name for name in ("flag_masks", "grid_mapping") if name in dataset.attrs)
     scales = [axis.coordinates for axis in axes if axis.coordinates is not None]
     if any("formula_terms" in scale.attrs for scale in scales):
@@ -150,7 +150,7 @@ def _unapplied(dataset: Dataset, axes: tuple[Axis, ...]) -> Iterator[str]:
 
 
 def _axistags(dataset: Dataset) -> list[dict[str, Any]]:
-    """Return ilastik's description of each axis; none if it is missing, or has another number of axes."""
+    """Return ilastik's description of each axis; an empty list if it is missing, or has another number of axes."""
     try:
         tags = json.loads(text(dataset, "axistags") or "{}")
         axes = [dict(each) for each in dict(tags)["axes"]]
@@ -160,7 +160,9 @@ def _axistags(dataset: Dataset) -> list[dict[str, Any]]:
 
 
 def _axis(dataset: Dataset, axis: int, tag: dict[str, Any]) -> Axis:
-    """Return an axis with the coordinates of its dimension scale, or of the dataset with its name in the same group.
+    """Return an axis with its coordinates.
+
+    Coordinates are in the dimension scale of the axis, or in a dataset of the same group with the name of the axis.
 
     tag: ilastik's description of the axis.
     """
@@ -178,7 +180,10 @@ def _axis(dataset: Dataset, axis: int, tag: dict[str, Any]) -> Axis:
 
 
 def _tagged_step(tag: dict[str, Any]) -> tuple[float, float] | None:
-    """Return 0 and the step that ilastik states; None if the step is 0, which stands for an unknown one."""
+    """Return the coordinate 0 and the step that ilastik states.
+
+    Returns None if the step is missing, or 0, which stands for an unknown one.
+    """
     step = tag.get("resolution")
     return (0.0, float(step)) if isinstance(step, (int, float)) and 0 < step < math.inf else None
 

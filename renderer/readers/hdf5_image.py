@@ -21,20 +21,21 @@ from renderer.readers.units import one_spelling
 from renderer.scene import short_text
 from renderer.volume import Channel, Float64
 
-# Names of an axis of time.
+# The names, in small letters, by which an axis is recognised as time.
 _TIMES = ("t", "time", "times", "step")
-# Names of an axis of components.
+# The names, in small letters, by which an axis is recognised as components.
 _COMPONENTS = ("c", "ch", "channel", "channels", "component", "components", "band", "bands", "member", "rgb")
 # The lengths of units in metres, by the spelling of the unit that is shown.
 _METRES = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "Å": 1e-10}
 
 
 class Axis(NamedTuple):
-    """An axis of an image: its length, its name and its unit, which may be empty.
+    """An axis of an image in an HDF5 file.
 
-    way: the axis of the world along which it lies: x, y or z; any other text if it is unknown. points_down: whether its
-    coordinates grow downwards. steps: the first coordinate and the step, where the file stores these two. coordinates:
-    the dataset of its coordinates, where the file stores all of them.
+    length: the number of items along the axis. name, unit: its name, and the unit of its coordinates; each may be
+    empty. way: the axis of the world along which it lies, x, y or z; any other text if that is unknown. points_down:
+    whether its coordinates grow downwards. steps: the first coordinate and the step, where the file stores these two.
+    coordinates: the dataset of its coordinates, where the file stores all of them.
     """
 
     length: int
@@ -47,7 +48,7 @@ class Axis(NamedTuple):
 
     @property
     def letter(self) -> str:
-        """Return the letter of the axis for `choose`: `t` for time, `c` for components, `s` for space.
+        """Return the letter that stands for the axis: `t` for time, `c` for components, `s` for space.
 
         An axis of time has a name of time, or a unit such as `days since 2000`.
         """
@@ -64,7 +65,7 @@ class Axis(NamedTuple):
         return self.steps or even_steps(unpacked_line(self.coordinates))
 
     def times(self) -> TimeSteps:
-        """Return the steps of an axis of time."""
+        """Return the steps in time of an axis of time."""
         if self.steps is not None:
             first, step = self.steps
             return steps_at(self.length, [first + k * step for k in range(self.length)], self.unit)
@@ -82,10 +83,10 @@ class StoredImage:
     values: a function that returns the meaning of the numbers of a dataset.
     num_outer: the number of outermost axes, of times or channels, whose items are separate datasets.
     sizes: the sizes of a voxel in µm, from the slowest axis of space, for axes without coordinates.
-    channels: the channels of all components, if the file describes them.
+    channels: the description of each component, if the file describes components.
     steps: the steps in time, if they are not the steps of an axis.
     notes: remarks; None stands for no remark.
-    lengths_note: the note for axes without coordinates.
+    lengths_note: the note for an image without sizes whose axes have no coordinates.
     """
 
     axes: tuple[Axis, ...]
@@ -117,11 +118,11 @@ class Candidate(NamedTuple):
 
 
 def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> str:
-    """Return the letter of each axis for `choose`; `-` stands for an axis that is left out.
+    """Return a letter for each axis: `t` for time, `c` for components, `s` for space, `-` for an axis left out.
 
     Axes of time and components are recognised by their names. If more than three other axes remain, axes of length 1
-    are left out, and then the rule for `.npy` files applies. With only two axes in space, times or components become
-    the third.
+    are left out; if there are still more than three, the rule for `.npy` files says which are times and components.
+    With fewer than three axes in space, an axis of times or components becomes one of space.
     """
     letters = [axis.letter for axis in own]
     for k, axis in enumerate(own):
@@ -143,7 +144,9 @@ def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> 
 
 
 def place_of(image: StoredImage, letters: str, has_spacing_override: bool) -> tuple[Float64, str, list[str]]:
-    """Return the affine, float64 [4, 4], by coordinates or sizes, the unit that all lengths share, and notes.
+    """Return the affine of an image, float64 [4, 4], the unit that all lengths share, and notes.
+
+    The affine follows from coordinates or, without any, from the sizes of a voxel. The unit is empty if units differ.
 
     has_spacing_override: whether uneven coordinates are allowed; otherwise they raise InputError.
     """
@@ -213,5 +216,8 @@ def _unit_notes(units: dict[str, str], ways: str) -> list[str]:
 
 
 def axes_by_names(lengths: Sequence[int], names: Sequence[str], **same: Any) -> tuple[Axis, ...]:
-    """Return axes whose names are also their axes of the world. same: further fields, equal for all axes."""
+    """Return axes that are named like the axes of the world, `x`, `y` and `z`, along which they lie.
+
+    same: further fields of `Axis`, equal for all axes.
+    """
     return tuple(Axis(n, name, way=name, **same) for n, name in zip(lengths, names, strict=True))

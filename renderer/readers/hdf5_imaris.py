@@ -33,18 +33,20 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The most levels, times and channels of a file; a larger number shows a damaged file.
+# The largest number of levels of a file, of times of a level, and of channels of a time. Further ones are not found.
 _MAX_ITEMS = 10_000
 
-# The beginnings of the names of groups; a number follows.
+# The beginning of the name of a level's group; a number follows.
 _LEVEL = "ResolutionLevel"
+# The beginning of the name of a time's group in a level; a number follows.
 _TIME = "TimePoint"
+# The beginning of the name of a channel's group in a time; a number follows.
 _CHANNEL = "Channel"
 
 
 @dataclass(frozen=True)
 class _Level:
-    """A level of resolution: its group, its times and channels, and its size along z, y and x."""
+    """A level of resolution: its group, and its numbers of times, of channels, and of voxels along z, y and x."""
 
     group: Group
     num_times: int
@@ -52,7 +54,7 @@ class _Level:
     sizes: tuple[int, ...]
 
     def data(self, time: int, channel: int) -> Dataset:
-        """Return the dataset of a time and a channel."""
+        """Return the dataset of a time and a channel; raises InputError if it is missing or too small."""
         path = f"{_TIME} {time}/{_CHANNEL} {channel}/Data"
         found = dataset_at(self.group, path)
         if found is None or found.ndim != 3 or any(n < own for n, own in zip(found.shape, self.sizes, strict=True)):
@@ -65,7 +67,10 @@ class _Level:
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return the image at its finest level, and as parts its other levels and its single datasets."""
+    """Return the image at its finest level.
+
+    All levels and all single datasets are returned, too, but are read only if the scene names them.
+    """
     if text_of(file, "ImarisDataSet") == "" or open_inside(file, "DataSet") is None:
         return []
     found: list[Candidate] = []
@@ -129,7 +134,10 @@ def _describe(file: Group, level: _Level, time: int | None = None, channel: int 
 
 
 def _steps(info: Group | None, axis: int, length: int) -> tuple[float, float] | None:
-    """Return the centre of the first voxel and the size of a voxel, by the stated ends of the image; else None."""
+    """Return the centre of the first voxel along an axis, and the size of a voxel, from the ends of the image.
+
+    Returns None if the file does not give the ends.
+    """
     first, last = (number_in(text_of(info, f"Ext{end}{axis}")) for end in ("Min", "Max"))
     size = (last - first) / length
     return (first + size / 2, size) if np.isfinite(size) and size else None

@@ -38,16 +38,17 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The most attributes `default` that are followed. Usually the file names an entry, and the entry its data.
+# The largest number of attributes `default` that are followed from group to group. Usually the file names an entry, and
+# the entry names its data.
 _MAX_DEFAULTS = 4
-# The name of an axis without coordinates.
+# The name that stands for an axis without coordinates.
 _NO_AXIS = "."
 
 
 def find_images(file: Group) -> list[Candidate]:
     """Return the signals of all NXdata groups that have three axes or more.
 
-    If the file names a default, the other signals are parts.
+    If the file names a default group, the signals of all other groups are read only if the scene names them.
     """
     groups = [each for _, each in groups_and_datasets(file) if text(each, "NX_class") == "NXdata"]
     shown, found = _default(file), []
@@ -72,7 +73,10 @@ def _default(file: Group) -> Group:
 
 
 def _signal(group: Group) -> Dataset | None:
-    """Return the data of a group, by an attribute of the group or of the dataset, or by the usual name."""
+    """Return the dataset with the data of a group; None if there is none.
+
+    The attribute `signal` of the group names it; or its own attribute `signal` is 1; or it is called `data`.
+    """
     named = text(group, "signal")
     if named and "/" not in named:
         return dataset_at(group, named)
@@ -152,7 +156,7 @@ def _even_edges(edges: Dataset) -> tuple[float, float] | None:
 
 
 def _values(group: Group, name: str, dataset: Dataset) -> Values:
-    """Return the meaning of numbers: `(stored + offset) * scaling_factor`, with both fields from the group."""
+    """Return the meaning of a dataset's numbers: `(stored + offset) * scaling_factor`, by fields of the group."""
     values = values_with_labels(dataset)
     factor, offset = (
         next((n for prefix in (f"{name}_", "") if (n := _number(group, prefix + field)) is not None), neutral)

@@ -20,14 +20,15 @@ Group = Any
 # An h5py.Dataset.
 Dataset = Any
 
-# The most groups and datasets of a file; each takes about 0.1 ms.
+# The largest number of groups and datasets in a file. Visiting each takes about 0.1 ms.
 _MAX_OBJECTS = 10_000
-# The most parts of a path, parts of links included; a longer one is taken for a circle of links.
+# The largest number of parts of a path, including the parts of links on it. A longer path is taken for a circle of
+# links.
 _MAX_PARTS = 100
-# The largest ratio of the bytes of voxels to stored bytes, with several compression filters one after the other. With a
-# larger ratio, a file claims voxels that it does not store.
+# The largest ratio of the bytes of voxels to stored bytes that compression reaches, with several filters one after the
+# other. With a larger ratio, a file claims voxels that it does not store.
 _MAX_PACKING = 2**20
-# The most numbers or texts that are read from an attribute; an image has fewer axes.
+# The largest number of numbers or texts that are read from an attribute: more than an image has axes.
 _MAX_ITEMS = 64
 
 
@@ -107,19 +108,19 @@ def check_dataset(dataset: Dataset, path: Path) -> None:
 
 
 def numbers(owner: Any, name: str) -> Float64:
-    """Return the first numbers of an attribute, _MAX_ITEMS at most; none for any other attribute."""
+    """Return the first numbers of an attribute, _MAX_ITEMS at most; an empty array if it has no numbers."""
     found = np.ravel(owner.attrs.get(name, ()))[:_MAX_ITEMS]
     return found.astype(np.float64) if found.dtype.kind in "iuf" else np.zeros(0)
 
 
 def texts(owner: Any, name: str) -> list[str]:
-    """Return the first texts of an attribute, _MAX_ITEMS at most; none for any other attribute, or without an owner."""
+    """Return the first texts of an attribute, _MAX_ITEMS at most; an empty list without texts, or without an owner."""
     found = np.ravel(() if owner is None else owner.attrs.get(name, ())).tolist()[:_MAX_ITEMS]
     return [each.decode("utf-8", "replace") if isinstance(each, bytes) else each
             for each in found if isinstance(each, (bytes, str))]  # fmt: skip
 
 
 def text(owner: Any, name: str) -> str:
-    """Return an attribute that is one text; an empty text for any other attribute, or without an owner."""
+    """Return the text of an attribute that holds exactly one; an empty text for any other attribute, or no owner."""
     found = texts(owner, name)
     return found[0] if len(found) == 1 else ""

@@ -15,19 +15,19 @@ from renderer.readers.hdf5_objects import Dataset, numbers, text
 from renderer.readers.scaled_values import scaled_type
 from renderer.volume import Array, Float64, Label
 
-# The share of its value by which each end of the valid range is moved outwards, as attributes are rounded.
+# Each end of the valid range is moved outwards by this share of its value, as attributes are rounded.
 _MARGIN = 1e-5
-# The attributes of the scale.
+# The attributes with the factor and the offset that turn stored numbers into values.
 _SCALES = ("scale_factor", "add_offset")
-# The attributes of the valid range.
+# The attributes with the valid range: numbers outside of the range stand for no data.
 _VALID = ("valid_range", "valid_min", "valid_max")
 
 
 class Values(NamedTuple):
-    """The meaning of stored numbers.
+    """The meaning of stored numbers: how they become values, and which values stand for no data.
 
     dtype: the type of the values.
-    wrap: the number that is added to negative stored numbers, before scale and offset.
+    wrap: the number that is added to negative stored numbers, before scale and offset, if their bits are unsigned.
     scale, offset: the factor that is applied, and the number that is added after it.
     nodata: the ranges of values, both ends included, that stand for no data.
     labels: the labels that the values stand for.
@@ -44,7 +44,7 @@ class Values(NamedTuple):
 
     @property
     def is_scaled(self) -> bool:
-        """Return whether scale or offset change the numbers."""
+        """Return whether scale or offset change the stored numbers."""
         return (self.scale, self.offset) != (1.0, 0.0)
 
     def of(self, stored: Array) -> Float64:
@@ -86,7 +86,8 @@ def unpacked_line(dataset: Dataset) -> Array:
 def _nodata(dataset: Dataset, values: Values) -> Iterator[tuple[float, float]]:
     """Yield the ranges of values, both ends included, that stand for no data: fill values and invalid values."""
     fills = [*numbers(dataset, "_FillValue"), *numbers(dataset, "missing_value")]
-    # The fill value of HDF5 stands for voxels that were not written. In netCDF, bytes have none.
+    # The fill value of HDF5 stands for voxels that were not written. In netCDF, values of one byte have no
+    # fill value.
     if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:
         fills.append(float(dataset.fillvalue))
     for fill in values.of(np.unique(fills)).tolist():

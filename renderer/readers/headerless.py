@@ -11,7 +11,7 @@ from typing import NamedTuple
 _SIZES = re.compile(r"(?<![0-9])(?<![0-9]\.)([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})(?![0-9])")
 # A type in a name, such as uint16 and float_32.
 _TYPE = re.compile(r"(?<![a-z])(u|unsigned|uint|int|i|s|float|f)[_-]?(8|16|32|64)(?:bits?|_t)?(?![0-9a-z])")
-# Types by the words that stand for them in a name.
+# The type that a word in a name stands for.
 _WORDS = {
     "uchar": "uint8",
     "byte": "uint8",
@@ -21,16 +21,20 @@ _WORDS = {
     "float": "float32",
     "double": "float64",
 }
-# The kinds of types by the letters before their bits; all others are floats.
+# The kind of number that the letters before the number of bits stand for, such as u in u16. All other letters stand for
+# floats.
 _KINDS = {"u": "uint", "unsigned": "uint", "uint": "uint", "int": "int", "i": "int", "s": "int"}
-# Words in a name for the most significant byte first.
+# The words in a name that say that the most significant byte of a number comes first.
 _BIG_ENDIAN = ("be", "msb", "bigendian")
-# The usual type of voxels by their number of bytes, for names without a type.
+# The type that is assumed for voxels of a number of bytes, if the name has no type.
 _USUAL = {1: "uint8", 2: "uint16", 4: "float32", 8: "float64"}
 
 
 class Declaration(NamedTuple):
-    """A declaration of voxels that fits a file without a header. is_guess: whether the file's name lacks the type."""
+    """A declaration of the shape and the type of voxels without a header, which fits the size of their file.
+
+    is_guess: whether the type is a guess, as the name of the file has none.
+    """
 
     shape: tuple[int, int, int]
     dtype: str
@@ -39,7 +43,7 @@ class Declaration(NamedTuple):
 
     @property
     def remark(self) -> str:
-        """Return a remark on the certainty of the declaration."""
+        """Return a remark on how certain the declaration is."""
         return "its name and size fit" + "; the type is a guess" * self.is_guess
 
 
@@ -61,9 +65,10 @@ def declaration_in_name(path: Path) -> Declaration | None:
 
 
 def _itemsize(dtype: str) -> int:
-    """Return the bytes of a number of a type whose name ends with its bits, such as uint16.
+    """Return how many bytes a number of a type has.
 
-    numpy would know them, but `hsplat check` does not load numpy.
+    dtype: the name of the type, which ends with the number of bits, such as uint16. numpy would know the bytes, but
+    `hsplat check` does not load numpy.
     """
     return int(re.sub("[a-z]+", "", dtype)) // 8
 

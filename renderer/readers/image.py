@@ -21,7 +21,7 @@ class Image:
     channels: the description of each component, if there are several.
     labels: the labels that the file describes, by value.
     steps: the steps in time of the file.
-    units: the units of its lengths and values, and its axes.
+    units: the units of lengths and values, and the axes of the world.
     has_lengths: whether the format can hold the lengths of a voxel.
     """
 

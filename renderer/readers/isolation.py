@@ -40,7 +40,7 @@ _MEMORY_BYTES = 1 << 30
 # that they have read, the voxels that they have decoded, and copies of both.
 _NUM_COPIES = 4
 
-# The seconds of processor time that every child gets.
+# The seconds of processor time that every child gets, whatever it reads.
 _SECONDS = 10
 # The bytes of voxels for which a child gets another second of processor time.
 _BYTES_PER_SECOND = 1 << 20
@@ -50,9 +50,9 @@ _PARSED_BYTES_PER_SECOND = 8 << 20
 # The number of files for which a child gets another second of processor time.
 _FILES_PER_SECOND = 10
 
-# The most bytes of an answer, without the voxels.
+# The largest length in bytes of what a child sends, without the voxels.
 _MAX_ANSWER_BYTES = 1 << 24
-# The fields of an InputError in an answer.
+# The fields of an InputError that a child sends in place of an image.
 _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
 
 
@@ -118,7 +118,10 @@ def _no_process_error(path: Path, got: str) -> RenderError:
 
 
 def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
-    """Return the image of an answer, mapped from the shared memory; raises InputError if the answer is an error."""
+    """Return the image that the answer of a child describes, mapped from the shared memory.
+
+    Raises InputError if the answer is an error.
+    """
     if "what" in answer:
         what, *others = (answer[name] for name in _ERROR_FIELDS)
         raise InputError(what, **dict(zip(_ERROR_FIELDS[1:], others, strict=True)))
@@ -138,7 +141,7 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
 
 
 def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
-    """Return a channel of an answer; an invalid colour or window is left out."""
+    """Return a channel that the answer of a child describes; an invalid colour or window is left out."""
     shade, ends = (tuple(float(each) for each in numbers or ()) for numbers in (color, window))
     is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
     is_window = len(ends) == 2 and -math.inf < ends[0] < ends[1] < math.inf
@@ -151,7 +154,7 @@ def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
 
 
 def _label(value: Any, name: Any, color: Any, opacity: Any) -> Label:
-    """Return a label of an answer; an invalid colour or opacity is left out."""
+    """Return a label that the answer of a child describes; an invalid colour or opacity is left out."""
     shade = tuple(float(part) for part in color or ())
     is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
     is_opacity = opacity is not None and 0 <= float(opacity) <= 1
@@ -179,14 +182,14 @@ class Host:
         self.send(str(path))
 
     def send(self, answer: str | dict[str, Any]) -> None:
-        """Send a line; the last one is the answer."""
+        """Send a line to the parent. The last line is the answer; each line before it is the name of a file."""
         self._sender.write(json.dumps(answer).encode("ascii") + b"\n")
         self._sender.flush()
 
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
         """Return an array of zeros in the shared memory, which the reader fills with voxels and returns.
 
-        It replaces an earlier array, has native byte order, and extends the limits by its size.
+        The array replaces an earlier one, and has native byte order. The limits of the process grow by its size.
         """
         num_bytes = math.prod(shape) * np.dtype(dtype).itemsize
         self.expect_bytes((1 + _NUM_COPIES) * num_bytes)
@@ -218,7 +221,7 @@ def _limit_child(memory: int, seconds: int) -> None:
 
 
 def import_reader(reader: str) -> Callable[..., Image]:
-    """Return a function by its module and name, `module:function`."""
+    """Return the function that a text names as `module:function`."""
     module, _, name = reader.partition(":")
     function: Callable[..., Image] = getattr(importlib.import_module(module), name)
     return function
@@ -241,7 +244,7 @@ def call_reader(reader: str, path: Path, arguments: dict[str, Any], host: Host) 
 
 
 def _main() -> None:
-    """Read one file. Arguments: the descriptors of the answer and the voxels, and the request."""
+    """Read one file, as the child process. Arguments: the descriptors of the answer and the voxels, and the request."""
     sender, descriptor, request = int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
     _limit_child(**request["limits"])
     with open(sender, "wb") as file:

@@ -29,18 +29,23 @@ from renderer.scene import short_text
 from renderer.system import number_in
 from renderer.volume import Float64
 
-# Types of integers by their names without `MET_` and the `U` of unsigned ones.
+# The dtype of each integer type of MetaImage, by its name without `MET_` and without the `U` of unsigned types.
 _INTEGERS = {"CHAR": "int8", "SHORT": "int16", "INT": "int32", "LONG": "int32", "LONG_LONG": "int64"}
 _TYPES = {f"MET_{sign}{name}": f"{sign.lower()}{dtype}" for name, dtype in _INTEGERS.items() for sign in ("", "U")}
 _TYPES |= {"MET_FLOAT": "float32", "MET_DOUBLE": "float64"}
-# Fields with several names; the first name that a header has is used.
+# The names of the field with the lengths of voxels; the first that a header has is used.
 _SPACINGS = ("ElementSpacing", "ElementSize")
+# The names of the field with the place of the first voxel; the first that a header has is used.
 _ORIGINS = ("Origin", "Position", "Offset")
+# The names of the field with the directions of the axes; the first that a header has is used.
 _DIRECTIONS = ("Orientation", "Rotation", "TransformMatrix")
+# The name of the field with the sides of the body at which the axes begin.
 _LETTERS = "AnatomicalOrientation"
+# The fields with the factor and the offset that turn stored numbers into values.
 _SCALES = ("ElementToIntensityFunctionSlope", "ElementToIntensityFunctionOffset")
-# Kinds of axes that lie in space.
+# Words of the field Kinds for axes that lie in space.
 _KINDS_OF_SPACE = ("domain", "space", "none", "???")
+# The names of the field that says whether the most significant byte comes first; one that is true is enough.
 _BYTE_ORDERS = ("ElementByteOrderMSB", "BinaryDataByteOrderMSB")
 
 STATEMENTS = FormatTable(
@@ -84,7 +89,7 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
 
 
 def _axes(fields: dict[str, Field], num_axes: int) -> str:
-    """Return the letter of each axis for `choose`, from the fastest axis to the slowest.
+    """Return a letter for each axis, the fastest first: `s` for space, `t` for time, `c` for components.
 
     The fourth axis is time unless Kinds names another axis. Two axes in space and a third one of another kind are
     drawn as a volume.
@@ -119,7 +124,7 @@ def _units(fields: dict[str, Field], world_from_index: Float64) -> Units:
 
 
 def _code(world_from_index: Float64) -> str:
-    """Return AnatomicalOrientation by the directions: the letters of the sides at which the axes begin, such as RAI."""
+    """Return the letters of the sides of a body at which the axes begin, such as RAI, as in AnatomicalOrientation."""
     columns = world_from_index[:3, :3].T
     along = np.abs(columns).argmax(axis=1)
     return "".join("RAILPS"[k + 3 * bool(column[k] < 0)] for k, column in zip(along, columns, strict=True))
@@ -159,7 +164,7 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
 
 
 def _part(fields: dict[str, Field], file: Path, num_bytes: int, begin: int) -> StoredVoxels:
-    """Return the place of `num_bytes` of voxels in a file.
+    """Return where and how a file stores `num_bytes` bytes of voxels.
 
     begin: the end of the header, for voxels that follow it; 0 for a data file.
     """
@@ -182,7 +187,10 @@ def _part(fields: dict[str, Field], file: Path, num_bytes: int, begin: int) -> S
 
 
 def _world_from_index(fields: dict[str, Field], axes: str) -> Float64:
-    """Return the affine, float64 [4, 4], of the axes in space; a plane lies at z = 0."""
+    """Return the affine from voxel indices to LPS, float64 [4, 4]; a plane lies at z = 0.
+
+    axes: a letter for each axis, `s` for those in space.
+    """
     num_axes, space = len(axes), [k for k, letter in enumerate(axes) if letter == "s"]
     num_space = len(space)
     spacing, origin, direction = np.ones(3), np.zeros(3), np.eye(3)

@@ -32,7 +32,7 @@ from renderer.volume import Float64
 _HEADER = struct.Struct(">7ih15f")
 # The length of the header with its padding, in bytes.
 _NUM_HEADER_BYTES = 284
-# Types of voxels by their numbers.
+# The types of voxels, by their numbers in the header.
 _TYPES = {0: ">u1", 1: ">i4", 3: ">f4", 4: ">i2", 10: ">u2"}
 
 STATEMENTS = FormatTable(
@@ -46,13 +46,13 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The placement that the format prescribes if its flag is 0: coronal slices with a spacing of 1 mm.
+# The placement that the format prescribes if the flag in the header is 0: coronal slices with a spacing of 1 mm.
 _CORONAL = (
     *(1.0, 1.0, 1.0),  # the spacing
     *(-1.0, 0.0, 0.0),  # the direction of x
     *(0.0, 0.0, -1.0),  # the direction of y
     *(0.0, 1.0, 0.0),  # the direction of z
-    *(0.0, 0.0, 0.0),  # the middle
+    *(0.0, 0.0, 0.0),  # the middle of the volume
 )
 _NO_PLACE = "the file does not give its place; coronal slices of 1 x 1 x 1 mm are assumed, as FreeSurfer does"
 
@@ -93,7 +93,10 @@ def _steps(part: StoredVoxels, count: int, num_bytes: int) -> TimeSteps:
 
 
 def _ras_from_index(sizes: list[int], place: tuple[float, ...]) -> Float64:
-    """Return the affine, float64 [4, 4]. place: spacing, the directions of the index axes, and the middle."""
+    """Return the affine from voxel indices to RAS, float64 [4, 4].
+
+    place: spacing, the directions of the index axes, and the middle.
+    """
     world_from_index = affine(place[:3], np.zeros(3), np.reshape(place[3:12], (3, 3)).T)
     with np.errstate(over="ignore", invalid="ignore"):  # an affine that is not finite is refused later
         world_from_index[:3, 3] = place[12:] - world_from_index[:3, :3] @ (np.array(sizes) / 2)

@@ -49,23 +49,23 @@ STATEMENTS = FormatTable(
 
 # Versions of the standard of 2014, which has other fields in place of the skew.
 _VERSIONS = range(20140, 20150)
-# The fields of the skew of CCP4, behind the field `extension`.
+# The fields of the skew of CCP4, a matrix and a shift of the world, within the field `others` of the header.
 _SKEW = np.dtype([("flag", "i4"), ("matrix", "9f4"), ("shift", "3f4"), ("rest", "V4")])
-# The bytes with the version of the standard, behind the field `extension`.
+# The bytes with the version of the standard, within the field `others` of the header.
 _VERSION = slice(12, 16)
-# The number that marks a file of IMOD.
+# The number in the field `imod` of a file that the program IMOD wrote.
 _IMOD = 1146047817
-# The flag of IMOD for bytes with a sign.
+# The bit of the field `flags` that says that bytes have a sign, in files of IMOD.
 _HAS_SIGNED_BYTES = 1
 
-# Types of voxels by their modes.
+# The types of voxels, by their mode: a number in the header.
 _TYPES = {0: "i1", 1: "i2", 2: "f4", 6: "u2", 12: "f2"}
 # The names of the modes that cannot be rendered.
 _OTHER_TYPES = {3: "complex integers", 4: "complex floats", 16: "colours of three bytes", 101: "integers of four bits"}
 # Values of `ispg` for a stack of volumes: 400 and the number of a space group, from 1 to 230.
 _VOLUME_STACKS = range(401, 631)
 
-# The note on a stack by MRC2014: space group 0, and one section of a cell.
+# The note on a file that is a stack of images by the standard MRC2014: it has space group 0 and a cell of one section.
 _IMAGES = "the file says that its sections are separate images (ispg 0, mz 1); they are drawn as slices of a volume"
 
 
@@ -115,7 +115,7 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def _is_skewed(others: bytes, order: Literal["<", ">"]) -> bool:
-    """Return whether a header of CCP4 has a skew that changes places. others: the fields behind the extension."""
+    """Return whether a header of CCP4 has a skew that changes places. others: the field `others` of the header."""
     version = int.from_bytes(others[_VERSION], "little" if order == "<" else "big")
     skew = np.frombuffer(others, _SKEW.newbyteorder(order), 1)[0]
     is_neutral = np.array_equal(skew["matrix"].reshape(3, 3), np.eye(3)) and not skew["shift"].any()

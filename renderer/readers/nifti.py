@@ -41,9 +41,9 @@ from renderer.readers.voxel_limits import check_dtype, describe_shape
 from renderer.scene import short_text
 from renderer.volume import Float64, Label
 
-# The length of a NIfTI-1 header in bytes, which is also its first number.
+# The length of a NIfTI-1 header in bytes, which is also the first number in the header.
 _NIFTI_1_BYTES = 348
-# The length of a NIfTI-2 header in bytes, which is also its first number.
+# The length of a NIfTI-2 header in bytes, which is also the first number in the header.
 _NIFTI_2_BYTES = 540
 # The file name of the header or the voxels of a pair.
 _PAIR = re.compile(r"(.*\.)(hdr|img)(\.gz)?", re.IGNORECASE | re.DOTALL)
@@ -82,7 +82,7 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The kinds of values, by the code of the intent.
+# The kind of values that each code of the field `intent_code` stands for.
 _INTENTS = {
     2: "correlations",
     3: "t statistics",
@@ -107,9 +107,9 @@ _INTENTS = {
     2004: "colours",
     2005: "shapes",
 }
-# The intents that need no note: no intent, and labels.
+# The codes of the field `intent_code` that need no note: those for no intent, and for labels.
 _NO_INTENTS = (0, 1002)
-# The names of components, by the code of the intent.
+# The names of the components of a voxel, by the code of the field `intent_code`.
 _COMPONENTS = {
     1005: "xx yx yy zx zy zz",
     1006: "x y z",
@@ -118,27 +118,28 @@ _COMPONENTS = {
     2003: "R G B",
     2004: "R G B A",
 }
-# The units of the fourth axis that are not units of time, by their codes.
+# The units of the fourth axis that are not units of time, by their codes in the field `xyzt_units`.
 _OTHER_UNITS = {32: "Hz", 40: "ppm", 48: "rad/s"}
 
-# The intent of labels. With colours of four bytes, the file is a probabilistic atlas of niivue.
+# The code of the field `intent_code` for labels. If voxels are colours of four bytes, the file is a probabilistic atlas
+# of the viewer niivue.
 _LABEL = 1002
 # The names of the four bytes of a voxel of a probabilistic atlas of niivue.
 _ATLAS = ("label", "second label", "probability", "second probability")
 
-# The largest distance, in voxels, between a corner's places by qform and by sform that count as the same: the two are
-# rounded in different ways.
+# The largest distance, in voxels, between the places of a corner by the two affines, qform and sform, that count as the
+# same place: the affines are rounded in different ways.
 _SAME_PLACE = 0.1
 
-# Units of lengths by their codes.
+# The units of lengths, by their codes in the field `xyzt_units`.
 _LENGTH_UNITS = {1: "m", 2: "mm", 3: "µm"}
-# Units of time of the fourth axis, by their codes. An axis without a unit may be time.
+# The units of time of the fourth axis, by their codes in the field `xyzt_units`. An axis without a unit may be time.
 _TIME_UNITS = {0: "", 8: "s", 16: "ms", 24: "us"}
 
 # A logger that keeps nibabel's remarks on a header and its repairs off the terminal.
 _SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
 
-# A nibabel.Nifti1Header, of which NIfTI-2 has a subclass, or a Spm99AnalyzeHeader.
+# A header as nibabel has it: a Nifti1Header, of which NIfTI-2 has a subclass, or a Spm99AnalyzeHeader.
 _Header = Any
 
 
@@ -195,7 +196,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def _statements(header: _Header) -> Iterator[str | None]:
-    """Yield notes on statements of the header that are not applied, or that the viewer should know."""
+    """Yield notes on fields of the header that are not applied, or that whoever sees the volume should know."""
     found = {name for name in header.keys() if np.any(header[name])} & {each.field for each in STATEMENTS.statements}  # noqa: SIM118
     if _is_analyze(header):
         yield STATEMENTS.note(found)
@@ -225,7 +226,7 @@ def _places_differ(header: _Header) -> bool:
 
 
 def _steps(header: _Header, count: int) -> TimeSteps:
-    """Return the steps in time; without times if the fourth axis has another unit, such as Hz."""
+    """Return the steps in time. They have no times if the unit of the fourth axis is not one of time, such as Hz."""
     unit = None if _is_analyze(header) else _TIME_UNITS.get(int(header["xyzt_units"]) & 0b111000)
     if unit is None:
         return TimeSteps(count)
@@ -240,7 +241,7 @@ def _labels(header: _Header, voxels: StoredVoxels, time: int) -> tuple[Label, ..
     """
     begin, content = len(header.binaryblock) + 4, b""
     read = gzip.open if voxels.encoding == "deflate" else open
-    # Reading the voxels reports damage.
+    # Damage is reported when the voxels are read.
     with suppress(EOFError, OSError, zlib.error), read(voxels.file, "rb") as opened:
         opened.seek(begin)
         content = opened.read(min(voxels.num_skipped - begin, MAX_LOOK_BYTES))
@@ -352,7 +353,7 @@ def _is_analyze(header: _Header) -> bool:
 
 
 def _ras_from_index(header: _Header) -> tuple[Float64, str]:
-    """Return the affine, float64 [4, 4], and `LPS` if it places the voxels in a body."""
+    """Return the affine from voxel indices to RAS, float64 [4, 4], and `LPS` if it places the voxels in a body."""
     if _is_analyze(header):  # the world's origin is SPM's origin, or else the middle of the volume
         return np.array(header.get_origin_affine(), np.float64), ""
     for code, affine in (("sform_code", header.get_sform), ("qform_code", header.get_qform)):

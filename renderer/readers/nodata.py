@@ -18,7 +18,8 @@ from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted
 from renderer.volume import Array, Bools, Float64, Int64, MappedFile, iter_slabs
 
-# The usual fill values: of GIS, netCDF, CF, GSLIB and Surfer, and the ends of the floating-point types.
+# The fill values that programs write by convention: of GIS, netCDF, CF, GSLIB and Surfer, and the largest and smallest
+# numbers of the floating-point types.
 _USUAL_VALUES = (
     -999.0,
     -9999.0,
@@ -37,26 +38,27 @@ _USUAL_VALUES = (
 )
 # The largest relative difference between a value and a usual fill value that count as the same.
 _SAME = 1e-6
-# The least distance of a usual fill value from the range of the other values, as a multiple of the length of this
-# range.
+# A usual fill value, such as -9999, marks voxels without data only if it is farther than this from the range of all
+# values that are no usual fill values, in lengths of that range.
 _MIN_USUAL_DISTANCE = 0.5
-# The least distance of an unusual negative fill value from the range of the remaining values, as a multiple of the
-# length of this range.
+# A negative value that is not a usual fill value marks voxels without data only if it is farther than this from the
+# range of the other values, in lengths of that range.
 _MIN_NEGATIVE_DISTANCE = 3.0
-# The least distance of an unusual positive fill value from the range of the remaining values, as a multiple of the
-# length of this range. It is larger, as a bright object may have a single value, too.
+# A positive value that is not a usual fill value marks voxels without data only if it is farther than this from the
+# range of the other values, in lengths of that range. The limit is high, as a bright object may have a single value,
+# too.
 _MIN_DISTANCE = 30.0
-# The share of voxels with the lowest values, and with the highest, that the range of the other values leaves out when
-# usual fill values are sought.
+# When usual fill values are sought, the range of all other values leaves out this share of the voxels at each end, so
+# that a few outliers do not hide a fill value.
 _OUTERMOST = 1e-3
-# The least share of voxels with a fill value that is not a usual one.
+# A value that is not a usual fill value marks voxels without data only if at least this share of the voxels has it.
 _MIN_PART = 1e-3
-# The least number of other distinct values beside a fill value that is not a usual one. Data with fewer values are
-# steps or labels.
+# A value that is not a usual fill value marks voxels without data only if the volume has at least this many other
+# distinct values. With fewer, the values are steps or labels.
 _MIN_OTHER_VALUES = 16
 # The number of voxels at random places among which fill values are sought.
 _NUM_SAMPLES = 2**16
-# All integers up to this number are float32 numbers.
+# float32 holds every integer up to this number exactly.
 _FLOAT32_INTEGERS = 2**24
 
 # Ranges of values, both ends included, that stand for no data.
@@ -89,7 +91,7 @@ def mark_absent(
     ranges = [*(declared if nodata == "auto" else ()), *((point, point) for point in points)]
     if values.dtype.kind != "f" and not ranges:
         return values, 0, None
-    nums = np.zeros(len(ranges) + 1, np.int64)  # voxels in each range, and NaN or infinite voxels
+    nums = np.zeros(len(ranges) + 1, np.int64)  # the numbers of voxels in each range, and of NaN or infinite ones
     for slab in iter_slabs(values, file):
         nums += np.array([*(np.count_nonzero(_are_within(slab, each)) for each in ranges), _num_nonfinite(slab)])
     if not nums.any():
@@ -142,7 +144,7 @@ def _require_finite(values: Array, file: MappedFile | None, first_xyz: tuple[int
 
 
 def _num_nonfinite(values: Array) -> int:
-    if np.isfinite([values.min(), values.max()]).all():  # a quick test: NaN makes both NaN
+    if np.isfinite([values.min(), values.max()]).all():  # a quick test: if any value is NaN, both are NaN
         return 0
     return values.size - int(np.count_nonzero(np.isfinite(values)))
 
@@ -205,7 +207,10 @@ def _with_nan(values: Array, ranges: Ranges) -> Array:
 
 
 def _beyond_data(values: Array, points: Sequence[float], own: Sequence[float]) -> list[float]:
-    """Return the fill values of other steps that lie outside of this step's values. own: this step's fill values."""
+    """Return the fill values of other steps in time that lie outside of the range of this step's values.
+
+    points: the fill values of other steps. own: the fill values of this step, which do not count for the range.
+    """
     sample = _sampled(values)
     sample = sample[np.isfinite(sample) & ~np.isin(sample, [*points, *own])]
     if not points or not sample.size:
@@ -221,7 +226,7 @@ def _sampled(values: Array) -> Float64:
 
 
 def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...]:
-    """Return the fill values, found by the values alone, in ascending order; bytes have none."""
+    """Return the fill values that the values alone reveal, in ascending order; values of one byte have none."""
     if values.dtype.itemsize == 1:
         return ()
     sample = _sampled(values)
@@ -232,7 +237,7 @@ def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...
     distances = found | _far_values(distinct, counts, list(found))
     nums, nums_near = dict.fromkeys(distances, 0), dict.fromkeys(distances, 0)
     for slab in _finite_slabs(values, file) if distances else ():
-        others = slab[~np.isin(slab, list(distances))]  # two fill values may lie side by side
+        others = slab[~np.isin(slab, list(distances))]  # a fill value near another one does not count
         for value, distance in distances.items():
             nums[value] += np.count_nonzero(slab == value)
             nums_near[value] += np.count_nonzero(np.abs(others / 2 - value / 2) < distance / 2)
@@ -262,9 +267,10 @@ def _usual_values(distinct: Float64, counts: Int64) -> dict[float, float]:
 
 
 def _far_values(distinct: Float64, counts: Int64, known: Sequence[float]) -> dict[float, float]:
-    """Return the outermost values that are frequent and far from all others, each with a distance.
+    """Return the lowest value, the highest one, or both, if they are frequent and far from all other values.
 
-    known: the usual fill values, which are not looked at. No other value lies within the distance of a value.
+    Each value comes with the distance within which no other value lies. known: the usual fill values, which are not
+    looked at.
     """
     rest = ~np.isin(distinct, known)
     distinct, counts = distinct[rest], counts[rest]

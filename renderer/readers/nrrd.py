@@ -57,9 +57,9 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The most axes that the format allows.
+# The largest number of axes that the format allows.
 _MAX_AXES = 16
-# The most valid words that an error message lists.
+# The largest number of valid words that an error message lists.
 _MAX_LISTED = 10
 # The hint for a line that cannot be read.
 _NO_EMPTY_LINE = "an empty line is missing before the voxels, or the file is damaged"
@@ -99,7 +99,7 @@ _FIELDS = frozenset(
         "kinds",
     )
 )
-# The names of each type of integers.
+# The names that the format has for each type of integers.
 _INTEGERS = {
     "int8": "signed char, int8, int8_t",
     "uint8": "uchar, unsigned char, uint8, uint8_t",
@@ -112,10 +112,10 @@ _INTEGERS = {
 }
 _TYPES = {name: dtype for dtype, names in _INTEGERS.items() for name in names.split(", ")}
 _TYPES |= {"float": "float32", "double": "float64"}
-# Encodings by their names in the format.
+# The encoding of the voxels, by its name in the format.
 _ENCODINGS: dict[str, Encoding] = {"raw": "raw", "gzip": "deflate", "gz": "deflate", "bzip2": "bzip2", "bz2": "bzip2"}
 _ENCODINGS |= {"text": "text", "txt": "text", "ascii": "text", "hex": "hex"}
-# Kinds that tell nothing about an axis.
+# The words of the field `kinds` that tell nothing about an axis.
 _UNKNOWN_KINDS = ("", "???", "none")
 # The factors that turn x, y and z into LPS, by the name of a space or its short form, with or without time.
 _SPACES = {
@@ -144,9 +144,9 @@ _COMPONENTS = {
     "3d-symmetric-matrix": "xx xy xz yy yz zz",
     "3d-matrix": "xx xy xz yx yy yz zx zy zz",
 }
-# The words of the field `centers`.
+# The words that the field `centers` may hold.
 _CENTERS = ("cell", "node", *_UNKNOWN_KINDS)
-# A vector of a field.
+# A vector in the text of a field, such as (1,0,0), or `none`.
 _VECTOR = re.compile(r"\(([^()]*)\)|none", re.IGNORECASE)
 
 
@@ -188,9 +188,10 @@ class _Voxels(NamedTuple):
 def _read_voxels(
     path: Path, fields: dict[str, Field], layout: Layout, axes: str, wanted: tuple[int | None, int | None]
 ) -> _Voxels:
-    """Read one time step and component; all layers of segments together, unless the scene chooses a component.
+    """Read the voxels of one time step and component.
 
-    wanted: the time and the component of the scene.
+    If components are layers of segments, all layers are joined unless the scene chooses a component. wanted: the time
+    and the component of the scene.
     """
     time, component = wanted
     num_layers = dict(zip(axes[::-1], layout.shape, strict=True)).get("c", 1)
@@ -231,7 +232,7 @@ def _unapplied(fields: dict[str, Field]) -> set[str]:
 
 
 def _units(fields: dict[str, Field], axes: str, *, has_directions: bool) -> Units:
-    """Return the unit that all axes of space share, the unit of samples, and LPS as axes for the space of a body."""
+    """Return the unit that all axes of space share, the unit of values, and, for the space of a body, LPS as axes."""
     own = [unit for unit, letter in zip(_quoted(fields, "units"), axes, strict=False) if letter == "s"]
     lengths = {*(_quoted(fields, "spaceunits")[:3] or own)}
     space = fields["space"].text.lower() if "space" in fields else ""
@@ -292,7 +293,7 @@ def _segment_keys(fields: dict[str, Field]) -> dict[str, str]:
 
 
 def _read_layers(layout: Layout, chosen: Chosen, axes: str) -> tuple[Array, str | None]:
-    """Return all components of a step, [component, z, y, x], and a note on bytes that do not belong to voxels."""
+    """Return all components of a time step, [component, z, y, x], and a note on bytes that do not belong to voxels."""
     part = tuple(slice(None) if letter == "c" else item for letter, item in zip(axes, chosen.part, strict=True))
     values, left_over = read_stored(layout, chosen._replace(part=part))
     layers = np.moveaxis(values, axes.translate({ord("t"): None, ord("-"): None}).index("c"), 0)
@@ -300,7 +301,7 @@ def _read_layers(layout: Layout, chosen: Chosen, axes: str) -> tuple[Array, str 
 
 
 def _part(fields: dict[str, Field], file: Path, offset: int, encoding: Encoding, num_bytes: int) -> StoredVoxels:
-    """Return the place of `num_bytes` of voxels in a file: from `offset` on, after the lines and bytes to skip."""
+    """Return where a file stores `num_bytes` bytes of voxels: from `offset` on, after the lines and bytes to skip."""
     num_lines = fields["lineskip"].whole(0) if "lineskip" in fields else 0
     num_skipped = fields["byteskip"].whole(-1) if "byteskip" in fields else 0
     if num_skipped >= 0:
@@ -358,7 +359,7 @@ def _choice(field: Field, choices: dict[str, Any]) -> Any:
 
 
 def _after_lines(file: Path, begin: int, num_lines: int) -> int:
-    """Return the byte at which `num_lines` lines from `begin` on end; raises InputError if that is far away."""
+    """Return the byte at which `num_lines` lines from `begin` on end; raises InputError beyond MAX_HEADER_BYTES."""
     if num_lines == 0:
         return begin
     with file.open("rb") as opened:
@@ -376,7 +377,7 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
 
 
 def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Float64 | None]) -> str:
-    """Return the letter of each axis for `choose`, from the fastest axis to the slowest.
+    """Return a letter for each axis, the fastest first: `s` space, `t` time, `c` components, `-` an axis of length 1.
 
     Raises InputError for more axes of a kind than a volume has. If there are several axes of time or components, axes
     of length 1 do not count.
@@ -436,7 +437,7 @@ def _vectors(field: Field, count: int | None) -> list[Float64 | None]:
 
 
 def _world_from_index(fields: dict[str, Field], axes: str, directions: list[Float64 | None]) -> tuple[Float64, bool]:
-    """Return the affine, float64 [4, 4], and whether the header gives a spacing."""
+    """Return the affine from voxel indices to LPS, float64 [4, 4], and whether the header gives a spacing."""
     space = [k for k, letter in enumerate(axes) if letter == "s"]
     spacing, first = _scalar_places(fields, space, len(axes))
     vectors = np.diag(spacing)
@@ -454,8 +455,8 @@ def _world_from_index(fields: dict[str, Field], axes: str, directions: list[Floa
 def _scalar_places(fields: dict[str, Field], space: list[int], num_axes: int) -> tuple[Float64, Float64]:
     """Return the spacing and the position of the first voxel, float64 [3] each, for a header without directions.
 
-    A missing spacing is 1, and a missing position 0. Samples of `cell` lie in the middle of a step, samples of `node`
-    at its ends.
+    A missing spacing is 1, and a missing position 0. The field `centers` says where samples lie: for `cell` in the
+    middle of a step, for `node` at its ends.
     """
     spacings, mins, maxs = (_axis_numbers(fields, name, num_axes) for name in ("spacings", "axismins", "axismaxs"))
     centers = fields["centers"].text.lower().split() if "centers" in fields else []

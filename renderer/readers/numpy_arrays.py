@@ -34,12 +34,13 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The most axes of an array in numpy 1; a volume has fewer.
+# The largest number of axes that an array may have in numpy 1; a volume has fewer.
 _MAX_AXES = 32
-# The most bytes of a header of a `.npy` file, which is numpy's own limit.
+# The largest length in bytes of the header of a `.npy` file: numpy's own limit.
 _MAX_HEADER_BYTES = 10_000
 
-# The largest ratio of decompressed to compressed bytes: more than any method reaches for typical voxels.
+# The largest ratio of decompressed to compressed bytes of an array in an archive: more than any method reaches for
+# typical voxels.
 _MAX_PACKING = 2**16
 # The exceptions that Python's zipfile raises for damaged bytes.
 _ARCHIVE_ERRORS = (
@@ -113,7 +114,7 @@ def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
 
 
 def _chosen(values: Array, time: int | None, component: int | None) -> Image:
-    """Return one time step and component of an array."""
+    """Return one time step and component of an array, as an image."""
     if values.dtype.kind == "b":
         values = values.view(np.uint8)
     if values.ndim == 2:
@@ -124,7 +125,10 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:
-    """Return the letter of each axis for `choose`; raises InputError if the axes are ambiguous or too many."""
+    """Return a letter for each axis of an array: `s` for space, `t` for time, `c` for components.
+
+    Raises InputError if the axes are ambiguous or too many.
+    """
     num_axes = len(shape)
     if num_axes == 4 and time is None and component is None:
         raise InputError(
@@ -171,7 +175,7 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
         # The errors that numpy and Python raise here have texts about program code, which would not help a user.
         got = "too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None
         raise damaged_error("cannot read the header", got, "an array saved by numpy.save") from error
-    if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # booleans are integers, too
+    if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # in Python, booleans are integers
         raise InputError(
             "the header has no shape of an array",
             got=f"{len(shape)} axes" if len(shape) > _MAX_AXES else format_value(shape),
@@ -215,7 +219,7 @@ def map_raw(source: RawSource) -> Array:
 
 
 def _fitting_declarations(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
-    """Return a text with declarations that would fit; None if there are none.
+    """Return a text with declarations that would fit the size of the file; None if there are none.
 
     Each differs from the given declaration in one property: the length of an axis, the size of the type, or the offset.
     """

@@ -27,9 +27,10 @@ def known_orientation(number: object) -> int:
 
 
 def oriented(world_from_index: Float64, orientation: int, size: tuple[int, int]) -> Float64:
-    """Return the affine of a stack of pictures that are turned or mirrored, in the same place in the world.
+    """Return the affine of a stack of pictures that the field Orientation turns or mirrors.
 
-    size: the numbers of stored pixels along x and y.
+    world_from_index: the affine without turning. The upright pictures begin at the same corner. size: the numbers of
+    stored pixels along x and y.
     """
     if orientation == 1 or not np.isfinite(world_from_index).all():
         return world_from_index

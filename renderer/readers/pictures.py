@@ -39,23 +39,23 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The exponent (gamma) of sRGB; all pictures are read as sRGB.
+# The exponent (gamma) of pictures in sRGB. All pictures are read as sRGB, also those with another exponent.
 _GAMMA = 0.45455
 
 # The formats that Pillow may decode.
 _FORMATS = ("PNG", "JPEG", "BMP")
-# The first bytes of PNG, JPEG and BMP.
+# The first bytes of PNG, JPEG and BMP files.
 _STARTS = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"BM")
-# The number of EXIF's field Orientation.
+# The number of the field Orientation in EXIF.
 _ORIENTATION = 274
 _MM_PER_INCH = 25.4
-# The largest number of pixels for each byte of a file: JPEG reaches about 1228, and deflate 1032.
+# The largest number of pixels that a byte of a file may stand for: JPEG reaches about 1228, and deflate 1032.
 _MAX_PACKING = 2**11
 # The offset of the byte in a PNG file that holds the number of bits of a sample.
 _PNG_BITS_AT = 24
 # The offset of the byte in a PNG file that holds the kind of colours.
 _PNG_KIND_AT = 25
-# Kinds of colours with several samples: RGB, grey with alpha, and RGBA.
+# The kinds of colours in PNG with several samples a pixel: RGB, grey with alpha, and RGBA.
 _PNG_COLORS = (2, 4, 6)
 # The number of first bytes in which the frame of a JPEG picture is searched for.
 _JPEG_BYTES = 2**17
@@ -66,8 +66,8 @@ def read_pictures(
 ) -> Image:
     """Read one component of the pictures in a folder; colours are components.
 
-    has_spacing_override: unused, as lengths of pictures are never checked. Raises InputError for pictures that are
-        damaged or differ, and if `time` or `component` do not fit.
+    has_spacing_override: has no effect, as lengths of pictures are never checked. Raises InputError for pictures that
+        are damaged or differ, and if `time` or `component` do not fit.
     """
     select_index("time", time, 1)
     files = sort_slices(slices_of_pictures(path))
@@ -102,7 +102,7 @@ def _lengths(picture: Any) -> tuple[Float64, Units, str]:
 
 
 def _unapplied(file: Path, picture: Any) -> set[str]:
-    """Return the statements of a picture that are not applied."""
+    """Return the fields of a picture that are not applied, by their names in STATEMENTS."""
     with file.open("rb") as opened:
         start = opened.read(_PNG_KIND_AT + 1)
     found = {"tRNS"} if "transparency" in picture.info else set()

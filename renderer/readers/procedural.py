@@ -17,18 +17,23 @@ import numpy as np
 from renderer.scene import ProceduralSource
 from renderer.volume import Array
 
-# The most voxels of the arrays that are worked on at once: slabs of whole planes, or blocks of rows of larger planes.
+# The largest number of voxels in the arrays that are worked on at once: slabs of whole planes, or blocks of rows of
+# larger planes.
 _SLAB_VOXELS = 2**20
 
-# The values of the materials of the engine block.
+# The value of air in the engine block.
 _AIR = 12
+# The value of coolant, and of oil, in the engine block.
 _COOLANT = 40
+# The value of aluminium in the engine block.
 _ALUMINIUM = 96
+# The value of iron in the engine block.
 _IRON = 158
+# The value of steel in the engine block.
 _STEEL = 226
 # The standard deviation of the noise of the engine block, in steps of its values.
 _NOISE = 2.5
-# The width over which the scanner blurs an edge, in voxels.
+# The width over which the edges of the engine block are blurred, as a scanner does, in voxels.
 _BLUR_VOXELS = 1.6
 
 
@@ -100,7 +105,8 @@ _CELL_BLUR = 0.06
 def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
     """Return cells that are filled between two shares of their radii, like one channel of a microscope.
 
-    inner, outer: these shares; nuclei lie at the centre of cells, and membranes at their surface.
+    inner, outer: the two shares, 0 at the centre of a cell and 1 at its surface: nuclei begin at 0, and membranes end
+    at 1.
     """
     x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
     values = np.empty(source.shape[::-1], np.uint8)
@@ -123,7 +129,7 @@ def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
 _NUM_LABELS = 200
 # The radius of the atlas, a ball in [-1, 1]^3.
 _BALL = 0.95
-# Half of the width of the gap between two labels, in the unit of the radius.
+# Half of the width of the gap between two labels of the atlas, in coordinates in which the radius is _BALL.
 _GAP = 0.012
 
 
@@ -188,9 +194,9 @@ def _bar(material: int, axis: int, centre: tuple[float, float], radius: float, e
 
 
 def _engine_parts() -> Iterator[_Part]:
-    """Yield the parts of a finned block with two cylinders and their moving parts.
+    """Yield the parts of an engine: a block with fins, two cylinders, and moving parts.
 
-    A pipe, a filter and a pulley make its sides distinguishable.
+    A pipe, a filter and a pulley make the sides of the engine distinguishable.
     """
     yield from _casing()
     for x, piston_z in ((-0.4, 0.1), (0.4, -0.1)):
@@ -209,7 +215,7 @@ def _casing() -> Iterator[_Part]:
     yield _box(_ALUMINIUM, (0, 0, 0.385), (0.88, 0.49, 0.025))  # the flange of the head gasket
     yield _bar(_ALUMINIUM, 0, (0, -0.25), 0.22, (-0.84, 0.84))  # crankcase
     yield _bar(_AIR, 0, (0, -0.25), 0.185, (-0.8, 0.8))
-    for x in (-0.4, 0.4):  # intake and exhaust, the exhaust pipes longer
+    for x in (-0.4, 0.4):  # intake and exhaust pipes; the exhaust pipes are longer
         yield _bar(_ALUMINIUM, 1, (x, 0.27), 0.095, (-0.72, 0))
         yield _bar(_AIR, 1, (x, 0.27), 0.065, (-0.74, 0))
         yield _bar(_ALUMINIUM, 1, (x, 0.27), 0.095, (0, 0.88))
@@ -222,7 +228,10 @@ def _casing() -> Iterator[_Part]:
 
 
 def _cylinder(x: float, piston_z: float) -> Iterator[_Part]:
-    """Yield water jacket, liner, piston with rings and pin, connecting rod, two valves and the spark plug."""
+    """Yield the parts of one cylinder.
+
+    They are water jacket, liner, piston with rings and pin, connecting rod, two valves and the spark plug.
+    """
     yield _bar(_COOLANT, 2, (x, 0), 0.385, (-0.12, 0.22))
     yield _bar(_ALUMINIUM, 2, (x, 0), 0.335, (-0.12, 0.22))
     yield _bar(_IRON, 2, (x, 0), 0.31, (-0.2, 0.26))
@@ -243,7 +252,10 @@ def _cylinder(x: float, piston_z: float) -> Iterator[_Part]:
 
 
 def _crankshaft() -> Iterator[_Part]:
-    """Yield journals, two offset throws with their webs and counterweights, and a pulley at one end."""
+    """Yield the parts of the crankshaft.
+
+    They are journals, two offset throws with their webs and counterweights, and a pulley at one end.
+    """
     for low, high in ((-0.97, -0.52), (-0.28, 0.28), (0.52, 0.9)):
         yield _bar(_STEEL, 0, (0, -0.25), 0.05, (low, high))
     for x, lift in ((-0.4, 0.08), (0.4, -0.08)):
@@ -268,7 +280,7 @@ def _engine_block(source: ProceduralSource) -> Array:
     values = np.empty(source.shape[::-1], np.uint8)
     thickness = max(1, _SLAB_VOXELS // (len(x) * len(y)))
     parts = tuple(_engine_parts())
-    num_words = 0  # the words of random bits that earlier slabs have used
+    num_words = 0  # the number of words of random bits that earlier slabs have used
     for begin in range(0, len(z), thickness):
         slab = values[begin : begin + thickness]
         for rows in _row_blocks(source):
@@ -276,7 +288,7 @@ def _engine_block(source: ProceduralSource) -> Array:
             field = np.full(block.shape, _AIR, np.float32)
             for part in parts:
                 _paint(field, part, (x, y[rows], z[begin : begin + thickness]), blur)
-            num_before = rows.start * len(x)  # the voxels before the block; only a slab of one plane has several blocks
+            num_before = rows.start * len(x)  # voxels before the block; only a slab of one plane has several blocks
             first_bytes = [8 * num_words + k * slab.size + num_before for k in range(3)]
             field += _noise(source.seed, first_bytes, block.size).reshape(block.shape)
             block[...] = np.clip(np.floor(field + np.float32(0.5)), 0, 255)
@@ -285,7 +297,7 @@ def _engine_block(source: ProceduralSource) -> Array:
 
 
 def _noise(seed: int, first_bytes: Sequence[int], num: int) -> Array:
-    """Return float32 [num], noise of standard deviation _NOISE: the sum of three uniform bytes is close to normal.
+    """Return noise of standard deviation _NOISE, float32 [num]: the sum of three uniform bytes is close to normal.
 
     first_bytes: the places of the first, second and third bytes in the seed's random bits.
     """
@@ -298,7 +310,7 @@ def _noise(seed: int, first_bytes: Sequence[int], num: int) -> Array:
 
 
 def _random_bytes(seed: int, first: int, num: int) -> Array:
-    """Return raw random bits, uint8 [num]; unlike numpy's distributions, they are the same in all of its versions."""
+    """Return raw random bits, uint8 [num]; unlike numpy's distributions, they are the same in all versions of numpy."""
     word, skipped = divmod(first, 8)
     random = np.random.PCG64(seed)
     random.advance(word)

@@ -11,7 +11,7 @@ from pathlib import Path
 from renderer.readers.image import Image
 from renderer.volume import backing_file
 
-# The name, inode number, size and modification time of each file.
+# The marks of files, by which a change is noticed: the name, inode number, size and modification time of each file.
 FileMarks = tuple[tuple[str, int, int, int], ...]
 
 
@@ -21,7 +21,7 @@ class ImageRequest:
 
     source: the volume that the file belongs to, perhaps as one of many steps in time.
     choice: the file, and the arguments of its reader.
-    marks: of all files that the image depends on; they change when a file changes.
+    marks: the marks of all files that the image depends on; they change when a file changes.
     """
 
     source: Hashable
@@ -37,7 +37,7 @@ class RecentImages:
     be dropped just before it is needed again. An image that finds no place is not kept, nor are voxels that stay in
     their file, whose pages the system keeps.
 
-    most_bytes: returns the most bytes that the voxels of all images may take.
+    most_bytes: a function that returns how many bytes the voxels of all images may take together.
     """
 
     def __init__(self, most_bytes: Callable[[], float]) -> None:

@@ -21,7 +21,7 @@ def scaled(values: Array, slope: float, intercept: float) -> Array:
         return values
     found = np.empty(values.shape, scaled_type(values.dtype))
     with np.errstate(over="ignore", invalid="ignore"):  # values too large become infinite, and are refused later
-        for plane, target in zip(values, found, strict=True):  # plane by plane, to hold no second volume in float64
+        for plane, target in zip(values, found, strict=True):  # plane by plane: a volume in float64 takes much memory
             target[...] = plane.astype(np.float64) * slope + intercept
     return found
 

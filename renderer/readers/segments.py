@@ -18,7 +18,7 @@ from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted, join_some, short_text
 from renderer.volume import Array, Int64, Label
 
-# The largest value of a segment in its layer, which limits the memory of the table of values.
+# The largest value that a segment may have in its layer. It limits the memory of the table from values to segments.
 _MAX_VALUE = 2**16 - 1
 
 
@@ -92,7 +92,7 @@ def join_layers(layers: Array, segments: Sequence[Segment]) -> tuple[Array, str]
 
 
 def type_of_labels(labels: Sequence[int]) -> np.dtype[Any]:
-    """Return the type of a volume with these labels."""
+    """Return the smallest integer type that holds these labels, and also their numbers from 1 on."""
     return np.min_scalar_type(max(*labels, len(labels)))
 
 
@@ -122,7 +122,10 @@ def join_segments(planes: Callable[[], Iterable[tuple[int, Int64]]], labels: Seq
 
 
 def _table(segments: Sequence[Segment], layer: int) -> Int64:
-    """Return the segment's number, from 1 on, for each value of a layer; the last entry is for all larger values."""
+    """Return the number of the segment, from 1 on, that each value of a layer stands for; 0 for no segment.
+
+    The last entry is for all larger values.
+    """
     own = [(number, each.value) for number, each in enumerate(segments, 1) if each.layer == layer]
     table = np.zeros(2 + max((value or 0 for _, value in own), default=0), np.int64)
     for number, value in own:

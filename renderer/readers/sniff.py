@@ -28,7 +28,7 @@ KNOWN_FORMATS = (
 
 # The first bytes of HDF5, which may follow a block of other data.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-# Formats by their first bytes.
+# The format of a file, by the bytes with which the file begins.
 _SIGNATURES: dict[bytes, Format] = {
     b"NRRD": "nrrd",
     b"\x93NUMPY": "npy",
@@ -36,7 +36,7 @@ _SIGNATURES: dict[bytes, Format] = {
     b"# vtk DataFile": "vtk",
     **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "tiff"),
 }
-# Formats by the ends of file names, for files without a signature.
+# The format of a file, by the end of its name, for formats without such first bytes.
 _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mha", ".mhd"), "metaimage"),
     **dict.fromkeys((".nii", ".hdr", ".img", ".nii.gz", ".hdr.gz", ".img.gz"), "nifti"),
@@ -44,15 +44,15 @@ _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff", ".ome"), "tiff"),
 }
-# Ends of file names that other files share: the first bytes must show that a file is a volume.
+# Ends of file names that volumes share with other files: the first bytes must show that a file is a volume.
 _SHARED_SUFFIXES = (".hdr", ".hdr.gz", ".map", ".rec", ".h5", ".hdf5", ".ims", ".mat")
 # Ends of the names of MRC files.
 _MRC_SUFFIXES = (".mrc", ".mrcs", ".map", ".ccp4", ".rec")
-# The place of the mark of MRC in the header. Older files have none.
+# The offset of the mark in the header of an MRC file, in bytes. Older files have no mark.
 _MRC_MARK_AT = 208
-# The mark of MRC.
+# The mark in the header of an MRC file.
 MRC_MARK = b"MAP"
-# The mark of MRC with the byte order behind it.
+# The mark in the header of an MRC file, with the byte order behind it.
 _MRC_STAMP = re.compile(rb"MAP[ \0][\x44\x11\0]")
 TIFF_SUFFIXES = (".tif", ".tiff")
 _PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
@@ -67,7 +67,7 @@ _GZIP = b"\x1f\x8b"
 NIFTI_STARTS = [struct.pack(order + "i", length) for length in (348, 540) for order in "<>"]
 # Bytes of the header of DICOMDIR, an index of other files: the UID of the class "media storage directory".
 _DICOM_INDEX = b"1.2.840.10008.1.3.10\2"
-# The most files and folders of a search.
+# The largest number of files and folders that a search for volumes looks at.
 _MAX_ENTRIES = 10_000
 
 
@@ -110,7 +110,7 @@ def find_format(path: Path) -> Format:
 
 
 def _format_by_bytes(path: Path) -> Format | None:
-    """Return the format by the first bytes of a file, decompressed if its reader supports gzip; None if unknown."""
+    """Return the format that the first bytes of a file show, also behind gzip for MRC and NIfTI; None if unknown."""
     content, is_compressed = read_start(path, _FIRST_BYTES)
     found = None if is_compressed else _format_by_signature(content)
     if found is not None:
@@ -199,8 +199,8 @@ def is_volume_name(name: str | os.PathLike[str]) -> bool:
 def volumes_in(folder: Path) -> list[Path]:
     """Return the volumes below a folder, among them folders of slices.
 
-    Returns none if the folder itself is a volume of slices, or has only one volume. Raises InputError for slices of
-    several formats, and for too many files.
+    Returns an empty list if the folder itself is a volume of slices, or has only one volume. Raises InputError for
+    slices of several formats, and for too many files.
     """
     found = _search(folder) if _format_of_slices(folder) in (None, "pictures") else []
     return found if len(found) > 1 else []
@@ -232,9 +232,9 @@ def _format_of_slices(folder: Path) -> Format | None:
 
 
 def _volumes_of_frames(folder: Path) -> list[Path]:
-    """Return the DICOM files directly in a folder that are a volume each: they have several frames and other series.
+    """Return the DICOM files directly in a folder that are a volume each: each has several frames.
 
-    Returns none if most files have one frame, and so are slices, or if all files belong to one series.
+    Returns an empty list if most files have one frame, and so are slices, or if all files belong to one series.
     """
     files = _files_in(folder)
     num_single, series = 0, dict[Path, str]()
@@ -316,13 +316,16 @@ def _start(path: Path) -> bytes:
 
 
 def read_start(path: Path, num_bytes: int) -> tuple[bytes, bool]:
-    """Return the first bytes of a file, decompressed if it is gzip, and whether it is gzip; none if gzip is damaged."""
+    """Return the first bytes of a file, decompressed if it is gzip, and whether it is gzip.
+
+    A damaged gzip file may give fewer bytes.
+    """
     start = _start(path)
     if start[:2] != _GZIP:
         return start[:num_bytes], False
     content = b""
     try:
-        while start and len(content) < num_bytes:  # a gzip member may end anywhere
+        while start and len(content) < num_bytes:  # a gzip file may have several members, each of any length
             stream = zlib.decompressobj(zlib.MAX_WBITS | 16)
             content += stream.decompress(start, num_bytes - len(content))
             start = stream.unused_data

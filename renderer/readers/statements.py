@@ -29,7 +29,10 @@ class Statement(NamedTuple):
 
 
 class FormatTable(NamedTuple):
-    """The statements of one format. format: its name in the documentation."""
+    """The table of one format: its fields that change how voxels are understood.
+
+    format: the name of the format in the documentation.
+    """
 
     format: str
     statements: tuple[Statement, ...]

@@ -34,10 +34,10 @@ from renderer.readers.voxel_limits import (
 from renderer.scene import counted, short_text
 from renderer.volume import Array
 
-# The bytes that are read or decompressed at once.
+# The number of bytes that are read or decompressed at once.
 _PIECE = 2**20
-# The bytes of a deflate stream that are read at once. It is smaller, as zlib copies the rest of the piece at the end of
-# each gzip member, and a file may have very many members.
+# The number of bytes of a deflate stream that are read at once. It is smaller than _PIECE, as zlib copies the rest of
+# the piece at the end of each gzip member, and a file may have very many members.
 _DEFLATE_PIECE = 2**15
 
 # The largest ratio of decompressed to compressed bytes of deflate, which stores at most 258 bytes in 2 bits (RFC 1951).
@@ -46,11 +46,12 @@ _MAX_DEFLATE_RATIO = 1032
 # bytes in 5 and take at least 32 bytes.
 _MAX_BZIP2_RATIO = 2**21
 
-# Formats by the length of their headers, for data that begin with a header of another format.
+# The formats whose headers have a certain length in bytes: data that are longer than their voxels by such a length may
+# begin with a header of that format.
 _HEADERS = {348: "Analyze or NIfTI", 352: "NIfTI-1", 540: "NIfTI-2", 544: "NIfTI-2", 284: "MGH", 1024: "MRC"}
 
-# The most decoded bytes before the voxels: more than any report, colours or names there. A compressed file with a
-# thousandth of these bytes could claim as many.
+# The largest number of decoded bytes before the voxels: more than reports, colours or names take there. Without this
+# limit, the header of a small compressed file could make the reader decode any number of bytes in vain.
 _MAX_SKIPPED = 2**26
 
 Encoding = Literal["raw", "deflate", "bzip2", "text", "hex"]
@@ -58,7 +59,7 @@ Encoding = Literal["raw", "deflate", "bzip2", "text", "hex"]
 
 @dataclass(frozen=True)
 class StoredVoxels:
-    """A place of encoded voxels in a file.
+    """Encoded voxels in a file: their place and their encoding.
 
     offset: the bytes of the file before the encoded voxels.
     encoding: "deflate" is gzip or zlib; "text" is decimal numbers, "hex" the hexadecimal digits of bytes.
@@ -93,7 +94,7 @@ class Layout:
 
     @property
     def part_shape(self) -> tuple[int, ...]:
-        """Return the shape of each part."""
+        """Return the shape of the array that each part holds."""
         num_steps = math.prod(self.shape[: self.num_split]) // len(self.parts)
         return (num_steps,) * (num_steps > 1) + self.shape[self.num_split :]
 
@@ -248,7 +249,7 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     least = {
         "deflate": -(-num_bytes // _MAX_DEFLATE_RATIO),
         "bzip2": -(-num_bytes // _MAX_BZIP2_RATIO),
-        "text": 2 * num_values - 1,  # at least a digit a number, and a separator between two
+        "text": 2 * num_values - 1,  # at least a digit for each number, and a separator between two numbers
         "hex": 2 * num_bytes,
     }[part.encoding]
     if found < max(least, part.num_encoded or 0):
@@ -261,7 +262,7 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
 
 
 def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> int:
-    """Return how many of the found bytes follow the voxels.
+    """Return how many of `found` bytes, which begin with the voxels, follow the voxels.
 
     Raises InputError for too few bytes, and for so many that an axis may be longer, unless the surplus is a known
     header.
@@ -370,7 +371,7 @@ def _whole_words(pieces: Iterator[bytes]) -> Iterator[bytes]:
 
 
 def _numbers(words: bytes, dtype: np.dtype[Any]) -> Array:
-    """Return the numbers of a text in a type; exponents begin with E, or with Fortran's D.
+    """Return the numbers in a text as an array of a type; exponents begin with E, or with Fortran's D.
 
     Raises ValueError for any other word, and OverflowError for a number that does not fit the type.
     """

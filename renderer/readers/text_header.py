@@ -13,7 +13,7 @@ from renderer.errors import InputError
 from renderer.scene import short_text
 from renderer.system import number_in
 
-# The most bytes of a header. No real header comes near it, even if it lists a file for each slice.
+# The largest length of a text header in bytes. No real header comes near it, even if it lists a file for each slice.
 MAX_HEADER_BYTES = 2**22
 
 

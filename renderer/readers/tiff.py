@@ -46,13 +46,13 @@ from renderer.scene import join_some, short_text
 from renderer.system import number_in
 from renderer.volume import Array, Float64
 
-# The number of the first private field.
+# The number of the first private field of TIFF. Programs may write anything into private fields.
 _FIRST_PRIVATE = 32768
-# The private fields with the depth of an image and of its tiles.
+# The numbers of the private fields with the depth of an image and of its tiles. Errors in these two fields count.
 _DEPTHS = (32997, 32998)
-# The field with the planes of MetaMorph.
+# The number of the field with the planes of MetaMorph, a program for microscopes.
 _METAMORPH_PLANES = 33629
-# GDAL's field with the value that stands for no data.
+# The number of GDAL's field with the value that stands for no data.
 _GDAL_NODATA = 42113
 
 
@@ -154,8 +154,8 @@ def _fill(values: Array, numbers: dict[int, int], slices: list[Page], sample: in
 def _read_folder(folder: Path, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
     """Read one slice from each TIFF file in a folder, sorted by their names.
 
-    has_spacing_override: as in `read_tiff`. Raises InputError if the slices differ or their names do not make up one
-        stack.
+    has_spacing_override: the scene gives the spacing, so that lengths in the files are not checked. Raises InputError
+        if the slices differ or their names do not make up one stack.
     """
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     files = sort_slices([entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES])
@@ -224,9 +224,9 @@ def _open_pages(path: Path) -> Iterator[list[Page]]:
 
 
 class _Damage(logging.Handler):
-    """Counts the errors that tifffile logs when it leaves out damaged pages and fields.
+    """A counter of the errors that tifffile logs when it leaves out damaged pages and fields.
 
-    Errors in private fields do not count, as programs write anything there.
+    Errors in private fields do not count, except for those of _DEPTHS, as programs write anything into such fields.
     """
 
     num_errors = 0
@@ -327,9 +327,9 @@ def _plane(page: Page, sample: int, path: Path) -> Array:
 
 
 def _num_contiguous(page: Page, path: Path) -> int:
-    """Return the number of planes behind the only page of a file; a large stack of ImageJ has just one page.
+    """Return the number of planes that follow one another behind the only page of a file; 1 if that is not certain.
 
-    A truncated file of tifffile has one page, too.
+    ImageJ writes just one page for a large stack, and so does tifffile if it is asked to (`truncate`).
     """
     num = num_planes_by_description(page)
     is_plain = page.compression == 1 and page.samplesperpixel == 1 and page.is_contiguous

@@ -16,15 +16,15 @@ from renderer.readers.tiff_statements import sample_names
 from renderer.system import attribute, number_in, unescaped
 from renderer.volume import Channel
 
-# The most characters of a channel's name; further ones are cut off.
+# The largest number of characters of a channel's name. Further characters are cut off.
 _MAX_NAME = 60
 
 
 def find_channels(first: Page, layout: Layout, channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
     """Return the channels of a file with their names, colours and windows; samples of colour pictures are not light.
 
-    first: the first page. channels: the channels of `Chosen`. Colours by which channels cannot be distinguished, such
-    as white for all or black for one, are left out.
+    first: the first page. channels: the channels before this file's description is read. Colours by which channels
+    cannot be distinguished, such as white for all or black for one, are left out.
     """
     count = len(channels)
     if sample_names(first) or count < 2:
@@ -49,7 +49,7 @@ def _of_ome(description: str, count: int) -> tuple[Channel, ...]:
 
 
 def _ome_color(text: str) -> tuple[float, float, float] | None:
-    """Return the colour of OME's signed number of 32 bits, which holds red, green, blue and alpha."""
+    """Return the colour in OME's signed number of 32 bits: red, green, blue and alpha; None for any other text."""
     number = number_in(text)
     if not -(2**31) <= number < 2**32:
         return None
@@ -58,7 +58,10 @@ def _ome_color(text: str) -> tuple[float, float, float] | None:
 
 
 def _of_imagej(fields: dict[str, Any], layout: Layout, count: int) -> tuple[Channel, ...]:
-    """Return the channels of ImageJ, from its fields by tifffile's names; the labels of some planes may be missing."""
+    """Return the channels that ImageJ describes; the labels of some planes may be missing.
+
+    fields: ImageJ's fields, by the names that tifffile gives them. count: the number of channels.
+    """
     windows, tables = np.ravel(fields.get("Ranges", ())).tolist(), fields.get("LUTs", ())
     labels = [str(label) for label in fields.get("Labels", ())]
     planes = np.moveaxis(np.arange(np.prod(layout.counts)).reshape(layout.counts), layout.axes.find("C"), 0)

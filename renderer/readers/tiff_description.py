@@ -15,19 +15,20 @@ from typing import Any
 from renderer.errors import InputError
 from renderer.system import attribute, number_in, unescaped
 
-# The largest whole number of a description.
+# The largest whole number that is valid in a description.
 _MAX_COUNT = 2**31 - 1
-# The most planes of an image in several files.
+# The largest number of planes of an image in several files.
 _MAX_PLANES = 2**20
-# The most characters of a description's text in a message.
+# The largest number of characters of a description that a message shows.
 _SHOWN_CHARACTERS = 40
-# The most channels of a composite image of ImageJ. tifffile writes more if it is not told that the first axis is z.
+# The largest number of channels of a composite image in ImageJ. A description with more channels is by tifffile, which
+# calls slices channels if it is not told that the first axis is z.
 _MAX_CHANNELS = 7
 
-# The beginning of an image of OME.
+# The start tag of an element Pixels, which holds an image in OME's XML.
 _PIXELS = re.compile(r"<(?:\w+:)?Pixels\b[^<>]*>")
 
-# A tifffile.TiffPage.
+# A page of a TIFF file: a tifffile.TiffPage.
 Page = Any
 
 
@@ -57,7 +58,10 @@ def is_imagej(description: str) -> bool:
 
 
 def imagej_fields(description: str) -> dict[str, str]:
-    """Return the values of the lines `key=value` in a description by ImageJ, without blanks; none for any other one."""
+    """Return the values of the lines `key=value` in a description by ImageJ, without blanks.
+
+    Returns an empty dict for a description by another program.
+    """
     lines = description.splitlines() if is_imagej(description) else []
     pairs = (line.partition("=") for line in lines if "=" in line)
     return {key: value.strip() for key, _, value in pairs}
@@ -69,7 +73,10 @@ def is_ome(description: str) -> bool:
 
 
 def shaped_fields(page: Page) -> dict[str, Any]:
-    """Return the unchecked fields of tifffile's description of an array, such as `shape`; none without one."""
+    """Return the unchecked fields of tifffile's description of an array, such as `shape`.
+
+    Returns an empty dict if the page has no such description.
+    """
     text: str | None = None if is_ome(page.description) or is_imagej(page.description) else page.shaped_description
     if text is None:
         return {}
@@ -122,7 +129,7 @@ def page_layout(page: Page, num_pages: int) -> Layout:
 
 
 def _ome_axes(page: Page) -> tuple[str, list[int]]:
-    """Return the axes of pages, and the length of each, by OME's first image."""
+    """Return the axes of pages, and the length of each, for the first image in OME's XML."""
     pixels = ome_pixels(page.description)
     order = attribute(pixels, "DimensionOrder") or ""
     axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
@@ -150,8 +157,8 @@ def _shape(fields: dict[str, Any]) -> list[int]:
 def _shaped_axes(page: Page, fields: dict[str, Any], num_pages: int) -> tuple[str, list[int], str]:
     """Return the axes of pages, the length of each, and the axes of one page, by tifffile's description.
 
-    Several arrays of one shape get a further axis. If the pages do not fit the array, all axes of the array are
-    returned.
+    If a file has several arrays of one shape, these are a further axis. If the pages do not fit the array, all axes of
+    the array are returned.
     """
     shape, plane = _shape(fields), [n for n in page.shaped if n > 1]
     axes = str(fields.get("axes") or "Q" * len(shape)).upper()
@@ -166,8 +173,8 @@ def _shaped_axes(page: Page, fields: dict[str, Any], num_pages: int) -> tuple[st
 def _named(axes: str, counts: list[int], plane: str) -> Layout:
     """Return a layout in which axes with other names become z, time or components.
 
-    The last of them is z, unless the file names another axis z; the others are times and components. plane: the axes
-    along a column and a row, of `XYZ`.
+    The last axis with another name becomes z, unless the file has an axis z. All others become times and components.
+    plane: the axes along a column and a row, of `XYZ`.
     """
     letters = [axis for axis, n in zip(axes, counts, strict=True) if n > 1]
     others = [k for k, axis in enumerate(letters) if axis not in "TZC"]
@@ -217,7 +224,7 @@ def page_places(description: str, own_name: str, layout: Layout) -> list[tuple[s
 def _tiff_data(description: str) -> list[tuple[str, str, str]]:
     """Return the attributes, the file and the UUID of each TiffData element of OME's first image.
 
-    The file has no folders. File and UUID are empty if the element names no file.
+    The name of the file comes without folders. File and UUID are empty if the element names no file.
     """
     image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
     found = []
@@ -230,7 +237,7 @@ def _tiff_data(description: str) -> list[tuple[str, str, str]]:
 
 
 def ome_elements(description: str, name: str) -> list[str]:
-    """Return the attributes of the elements with a name in OME's first image."""
+    """Return the attributes of each element called `name` in the first image of OME's XML."""
     image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
     return re.findall(rf"<(?:\w+:)?{name}\b([^<>]*)>", image)
 

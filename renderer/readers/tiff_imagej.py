@@ -37,9 +37,10 @@ _NO_FUNCTION = 20
 
 
 class Calibration(NamedTuple):
-    """A polynomial from stored numbers to values: its coefficients, the constant first, and the unit of the values.
+    """A calibration: a polynomial that turns stored numbers into values.
 
-    note: a remark on a function of another kind, which is not applied, or None.
+    coefficients: the constant first; empty if values are the stored numbers. unit: the unit of the values. note: a
+    remark on a function of another kind, which is not applied, or None.
     """
 
     coefficients: tuple[float, ...] = ()

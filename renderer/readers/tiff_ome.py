@@ -1,4 +1,4 @@
-"""Find OME's statements in the description of a TIFF file that are not applied."""
+"""Find the fields of OME's XML that change how the voxels of a TIFF file are understood, but are not applied."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STATEMENTS = FormatTable(
 
 
 def note_of(description: str) -> str | None:
-    """Return the note on statements in the first page's description that are not applied; None if there are none."""
+    """Return the note on fields that are not applied; None if there are none. description: that of the first page."""
     return STATEMENTS.note(set(_unapplied(description))) if is_ome(description) else None
 
 

@@ -19,39 +19,42 @@ from renderer.readers.tiff_statements import records_of
 from renderer.readers.units import are_of_screen, one_spelling
 from renderer.system import attribute, unescaped
 
-# The numbers of fields.
+# The number of the field XResolution: pixels per unit of length along x.
 _X_RESOLUTION = 282
+# The number of the field YResolution: pixels per unit of length along y.
 _Y_RESOLUTION = 283
+# The number of the field ResolutionUnit: the unit of the resolution.
 _RESOLUTION_UNIT = 296
+# The number of the field ModelPixelScaleTag: the size of pixels on a map (GeoTIFF).
 _PIXEL_SCALE = 33550
 
-# OME's units of length that can be converted, in metres (OME 2016-06, UnitsLength). `pixel`, `reference frame` and
-# unknown units cannot be converted. These are the prefixes of the metre, by their powers of ten.
+# The power of ten for each prefix of the metre in OME's units of length (OME 2016-06, UnitsLength).
 _PREFIXES = {"Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "da": 1, "": 0, "d": -1}
 _PREFIXES |= {"c": -2, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15, "a": -18, "z": -21, "y": -24}
 # An inch in metres.
 _INCH = Fraction(254, 10_000)
-# The lengths of OME's other units, in metres.
+# The lengths in metres of OME's units that are not the metre with a prefix.
 _OTHERS = {"Å": Fraction(1, 10**10), "thou": _INCH / 1000, "pt": _INCH / 72, "li": _INCH / 12, "in": _INCH}
 _OTHERS |= {"ft": _INCH * 12, "yd": _INCH * 36, "mi": _INCH * 63_360, "ua": Fraction(149_597_870_700)}
 _OTHERS |= {"ly": Fraction(9_460_730_472_580_800), "pc": Fraction(149_597_870_700 * 648_000 / math.pi)}
+# The lengths in metres of all units of OME that can be converted. `pixel`, `reference frame` and unknown units cannot.
 _METRES = {f"{prefix}m": Fraction(10) ** power for prefix, power in _PREFIXES.items()} | _OTHERS
 _METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METRES.items()}
 
-# The units of the resolution, by their numbers.
+# The unit of the resolution, by the number in the field ResolutionUnit.
 _UNITS_OF_TAG = {2: "inch", 3: "cm"}
-# The lengths of the units of the resolution in mm, by their numbers.
+# The length in mm of the unit of the resolution, by the number in the field ResolutionUnit.
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
-# The unit of OME and Zeiss where none is stated.
+# The micrometre, in the Unicode spelling in which units are compared.
 _MICRON = unicodedata.normalize("NFKC", "µm")
 
 
 def find_spacing(first: Any) -> tuple[list[float], str, str | None]:
-    """Return the spacing along x, y and z, by the first page, its unit, and a note on guessed lengths.
+    """Return the spacing along x, y and z, its unit, and a note on guessed lengths.
 
-    Lengths are in the unit of the description (µm for Zeiss), or in mm if there is only a resolution per inch or cm. A
-    missing length is that along x, or 1. Raises InputError for lengths that are not numbers, or that are in units that
-    cannot be compared.
+    first: the first page of a file. Lengths are in the unit of the description (µm for Zeiss), or in mm if there is
+    only a resolution per inch or cm. A missing length is taken from x, or is 1. Raises InputError for lengths that are
+    not numbers, or that are in units that cannot be compared.
     """
     given, unit = _given_spacing(first)
     x = given[0] or 1.0
@@ -106,7 +109,7 @@ def _pixel_size(page: Any, tag: int) -> float | None:
 
 
 def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None) -> tuple[list[float | None], str]:
-    """Return the spacing along x, y and z, None for an axis without one, and its unit.
+    """Return the spacing along x, y and z, None for an axis without one, and the unit.
 
     Lengths are in the unit of ImageJ's description, or in mm if the resolution is per inch or cm.
 
@@ -141,7 +144,7 @@ def _imagej_unit(description: str, key: str) -> str:
 
 
 def _ome_spacing(description: str) -> tuple[list[float | None], str]:
-    """Return the spacing along x, y and z, None for an axis without one, and its unit, the first unit of the axes.
+    """Return the spacing along x, y and z, None for an axis without one, and the unit of the first axis.
 
     Raises InputError for a spacing that is not a number, and for units that cannot be converted to each other.
     """

@@ -42,28 +42,33 @@ STATEMENTS = FormatTable(
     ),
 )  # fmt: skip
 
-# The numbers of fields.
+# The number of the field Orientation.
 _ORIENTATION = 274
+# The number of the field GDAL_METADATA: XML, perhaps with a scale and an offset.
 _GDAL_METADATA = 42112
-# Fields that a note names if they are present, by their numbers.
+# The fields that a note names if they are present, by their numbers in TIFF.
 _NAMED = {291: "GrayResponseCurve", 33922: "ModelTiepointTag", 34264: "ModelTransformationTag"}
 # The numbers of XPosition and YPosition, which a note names if they are not 0.
 _POSITIONS = (286, 287)
-# Records of microscopes, which a note names if nothing else gives lengths, by their numbers.
+# The fields with records of microscopes, by their numbers in TIFF. A note names them if nothing else gives lengths.
 _RECORDS = {34118: "CZ_SEM", 34680: "FEI_SFEG", 34682: "FEI_HELIOS", 33560: "OlympusSIS"}
 _RECORDS |= {51123: "MicroManagerMetadata", 33628: "UIC1tag", 37706: "TVIPS"}
 
-# The numbers of photometric interpretations.
+# The number in PhotometricInterpretation for grey values whose 0 is white.
 _WHITE_IS_0 = 0
+# The number in PhotometricInterpretation for grey values whose 0 is black.
 _BLACK_IS_0 = 1
+# The number in PhotometricInterpretation for red, green and blue.
 _RGB = 2
+# The number in PhotometricInterpretation for indices into a palette.
 _PALETTE = 3
+# The number in PhotometricInterpretation for YCbCr: luminance and two differences of colours.
 _YCBCR = 6
-# The numbers of the compressions of JPEG, which is decoded to red, green and blue.
+# The numbers in Compression for JPEG, whose pixels are decoded to red, green and blue.
 _JPEGS = (6, 7)
-# The code of an extra sample that is alpha, if the colours are multiplied by it.
+# The code in ExtraSamples for associated alpha: colours are premultiplied by it.
 _ASSOCIATED = 1
-# The code of an extra sample that is alpha, if the colours are not multiplied by it.
+# The code in ExtraSamples for unassociated alpha: colours are not premultiplied by it.
 _UNASSOCIATED = 2
 
 
@@ -84,7 +89,7 @@ def has_rgb(page: Page) -> bool:
 
 
 def sample_names(page: Page) -> list[str]:
-    """Return the names of the samples of a page; none unless it has colours or alpha."""
+    """Return the names of the samples of a page; an empty list unless it has colours or alpha."""
     count = page.samplesperpixel
     is_grey = page.photometric in (_WHITE_IS_0, _BLACK_IS_0) and _alpha_of(page) is not None
     if not has_rgb(page) and not (is_grey and count == 2):
@@ -100,12 +105,12 @@ def _alpha_of(page: Page) -> int | None:
 
 
 def note_of(page: Page) -> str | None:
-    """Return the note on statements of a page that are not applied; None if there are none."""
+    """Return the note on the fields of a page that change what pixels mean, but are not applied; None without any."""
     return STATEMENTS.note(set(_unapplied(page)))
 
 
 def records_of(page: Page) -> list[str]:
-    """Return the names of a page's records of microscopes, which may have lengths."""
+    """Return the names of a page's records of microscopes, which may hold lengths."""
     return [name for number, name in _RECORDS.items() if number in page.tags]
 
 

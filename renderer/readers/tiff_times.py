@@ -9,14 +9,17 @@ from renderer.readers.steps_in_time import TimeSteps, even_steps_at, steps_at
 from renderer.readers.tiff_description import is_imagej, is_ome, ome_elements, ome_pixels
 from renderer.system import attribute, number_in, unescaped
 
-# The time between two steps, by ImageJ or OME.
+# The time between two steps, as ImageJ or OME writes it.
 _STEP = re.compile(r"""(?:^finterval=|\bTimeIncrement\s*=\s*["'])([^"'\s]*)""", re.MULTILINE)
-# The unit of the time between two steps.
+# The unit of the time between two steps, as ImageJ or OME writes it.
 _UNIT = re.compile(r"""(?:^tunit=|\bTimeIncrementUnit\s*=\s*["'])([^"'\n]*)""", re.MULTILINE)
 
 
 def find_times(description: str, count: int) -> TimeSteps:
-    """Return the steps in time, by the description of the first page; in OME, each has the time of its first plane."""
+    """Return the steps in time, by the description of the first page.
+
+    If OME states no time between steps, each step has the time of its earliest plane.
+    """
     if not is_imagej(description) and not is_ome(description):
         return TimeSteps(count)
     fields = ome_pixels(description) if is_ome(description) else description

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from renderer.scene import is_unit
 
-# Prefixes of the metre as words, by the symbols that are shown.
+# The word for each prefix of the metre, by the symbol of the prefix.
 _PREFIXES = {"": "", "n": "nano", "µ": "micro", "m": "milli", "c": "centi", "k": "kilo"}
-# Units of length as they are shown, by all of their spellings.
+# The unit of length as it is shown, by each spelling of the unit in files.
 _SPELLINGS = {
     f"{word}met{end}": f"{prefix}m" for prefix, word in _PREFIXES.items() for end in ("er", "ers", "re", "res")
 }
@@ -20,7 +20,8 @@ _SPELLINGS |= {text: unit for unit, texts in _OTHERS.items() for text in texts.s
 _SPELLINGS |= dict.fromkeys(("pixel", "pixels", "voxel", "voxels"), "")
 _SPELLINGS = {unicodedata.normalize("NFKC", text): unit for text, unit in _SPELLINGS.items()}
 
-# Pixels per inch that programs write for screens and printers, or if they know no resolution.
+# The numbers of pixels per inch that programs write for screens and printers, or if they know no resolution. They say
+# nothing about the size of a voxel.
 _NO_SIZES = (1, 72, 96, 300)
 
 
@@ -37,7 +38,7 @@ class Units(NamedTuple):
 
 
 def units_of(length: str = "", axes: str = "", value: str = "") -> Units:
-    """Return units by texts of a file; a text that stands for no unit, or is too long, becomes empty."""
+    """Return the units that the texts stand for; a text that stands for no unit, or is too long, becomes empty."""
     length, value = one_spelling(length), value.strip()
     return Units(length * is_unit(length), "LPS" if axes == "LPS" else "", value * is_unit(value))
 

@@ -36,22 +36,23 @@ from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource,
 from renderer.system import free_bytes
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
-# Reads the voxels of a volume.
+# A function that reads the volume that a `VolumeSpec` describes.
 ReadVolume = Callable[[VolumeSpec], Volume]
 Ranges = Sequence[tuple[int, int]]
-# The share of the free memory that the kept images may take. Bricks may take half of what is free beside them.
+# The share of the free memory that the kept images may take. Bricks may take half of the memory that is then
+# still free.
 _SHARE_OF_FREE = 1 / 8
-# The bytes that kept images may take where nobody knows how much memory is free.
+# The number of bytes that kept images may take if the system does not say how much memory is free.
 _KEPT_BYTES_IF_UNKNOWN = 256 << 20
 
 
 def _most_kept_bytes() -> float:
-    """Return the most bytes that kept images may take now."""
+    """Return the largest number of bytes that kept images may take now."""
     free = free_bytes()
     return _KEPT_BYTES_IF_UNKNOWN if math.isinf(free) else _SHARE_OF_FREE * free
 
 
-# The cache of images. A suggested look, the fingerprint of a film, its framing and its drawing need the same steps.
+# The cache of images. The look, the fingerprint, the framing and the drawing of a film need the same steps in time.
 _RECENT_IMAGES = RecentImages(_most_kept_bytes)
 
 
@@ -181,7 +182,10 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
 
 
 def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
-    """Return the fill values of some steps of a volume in time; none for a volume of one step, and for bytes."""
+    """Return the fill values of some steps in time of a volume.
+
+    Returns an empty tuple for a volume of one step, and for values of one byte.
+    """
     num_times, source = image.steps.num_times, spec.source
     if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, FileSource):
         return ()
@@ -301,7 +305,7 @@ def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:
 
 
 def _component(spec: VolumeSpec) -> int | None:
-    """Return the component that is read first: 0 for all components and for colours."""
+    """Return the component that is read first: 0 for all components and for colours, None if the scene chooses none."""
     if spec.has_colors:
         return 0
     return spec.component if isinstance(spec.component, int) else None

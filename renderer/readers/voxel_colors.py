@@ -16,7 +16,7 @@ from renderer.volume import Array, UInt8, backing_file, guard_mapping
 
 # The weights of red, green and blue in luminance (Rec. 709).
 _WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
-# The numbers that may stand for white; in floats, 1 may, too.
+# The numbers that may stand for white in the components of a colour. If these are floats, 1 may stand for white, too.
 _WHITE = (255, 65535)
 
 

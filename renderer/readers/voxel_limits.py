@@ -11,15 +11,16 @@ from renderer.errors import InputError
 from renderer.system import free_bytes, free_swap_bytes
 from renderer.volume import Array, MappedFile, iter_slabs
 
-# The most bytes of a volume, whatever its header says: a corrupt header must not exhaust the memory of the machine.
+# The largest size of a volume in bytes, whatever its header says: a corrupt header must not exhaust the memory of the
+# machine.
 MAX_VOLUME_BYTES = 2**40
-# The number from which on a count is shown by its magnitude alone.
+# A count from this number on is shown by its magnitude alone, such as about 10^18.
 _MAX_SHOWN_COUNT = 10**15
-# The fewest bytes of voxels that stay in their file, if it stores them ready for use. Smaller volumes are copied, as
-# copies are cheap, and the file may change.
+# Voxels of at least this many bytes stay in their file, if the file stores them ready for use. Smaller volumes are
+# copied, as copies are cheap, and the file may change.
 _MIN_MAPPED_BYTES = 64 << 20
-# The least number of float64 numbers between the smallest and the largest value of a volume of large integers. Integers
-# beyond 2^53 are rounded to float64 when they are drawn.
+# Integers beyond 2^53 are rounded to float64 when they are drawn. A volume of such integers is refused unless its
+# values span at least this many steps between neighbouring numbers of float64.
 _NUM_STEPS = 2**16
 
 
@@ -105,7 +106,7 @@ def check_memory(num_bytes: int) -> None:
 
 
 def fitting_shapes(shape_xyz: tuple[int, ...], itemsize: int, num_bytes: int) -> list[tuple[int, ...]]:
-    """Return the shapes that fill exactly `num_bytes`, each with another length of one axis."""
+    """Return the shapes that fill exactly `num_bytes` and differ from `shape_xyz` in the length of one axis."""
     others = [itemsize * math.prod((*shape_xyz[:k], *shape_xyz[k + 1 :])) for k in range(len(shape_xyz))]
     return [
         (*shape_xyz[:k], num_bytes // other, *shape_xyz[k + 1 :])

@@ -69,12 +69,15 @@ class Component(NamedTuple):
 
 
 def arrays_of(fields: Any) -> list[Any]:
-    """Return the arrays of numbers of points or cells."""
+    """Return the arrays of numbers of points or cells. fields: a vtkPointData or vtkCellData."""
     return [each for k in range(fields.GetNumberOfArrays()) if (each := fields.GetArray(k)) is not None]
 
 
 def components_of(fields: Any) -> list[Component]:
-    """Return the components of points or cells, without masks; the active scalars come first."""
+    """Return the components of points or cells, without masks; the active scalars come first.
+
+    fields: a vtkPointData or vtkCellData.
+    """
     active = fields.GetScalars()
     arrays = [each for each in arrays_of(fields) if each.GetName() not in (_GHOSTS, _VALID)]
     arrays.sort(key=lambda each: each is not active)
@@ -82,7 +85,10 @@ def components_of(fields: Any) -> list[Component]:
 
 
 def notes_of(image: Any, component: Component, *, is_cells: bool) -> list[str | None]:
-    """Return the notes on arrays and statements of the file that are left out."""
+    """Return notes on fields of a file that are not applied, and on arrays that are left out; None is no note.
+
+    is_cells: whether the values of cells are read, not those of points.
+    """
     found = set()
     if image.GetFieldData().HasArray("TimeValue"):
         found.add("TimeValue")
@@ -115,7 +121,10 @@ def hidden_voxels(image: Any, *, is_cells: bool) -> tuple[Bools | None, str | No
 
 
 def _masked(fields: Any, shape: tuple[int, ...], bit: int) -> list[tuple[str, Bools]]:
-    """Return the names and values of the masks that hide any point or cell."""
+    """Return the name and the values of each mask that hides any point or cell.
+
+    fields: a vtkPointData or vtkCellData. shape: the shape of the masks. bit: the bit of vtkGhostType that hides.
+    """
     return [(name, hidden) for name, hidden in _masks(fields, shape, bit) if hidden.any()]
 
 
@@ -138,7 +147,7 @@ def _masks(fields: Any, shape: tuple[int, ...], bit: int) -> Iterator[tuple[str,
 
 
 def _any_corner(points: Bools) -> Bools:
-    """Return which cells have a hidden corner."""
+    """Return which cells have a hidden corner. points: which points are hidden, [z, y, x]."""
     for axis, n in enumerate(points.shape):
         if n > 1:
             points = np.delete(points, -1, axis) | np.delete(points, 0, axis)
@@ -146,7 +155,7 @@ def _any_corner(points: Bools) -> Bools:
 
 
 def _all_cells(cells: Bools, num_points: tuple[int, ...]) -> Bools:
-    """Return which points have only hidden cells."""
+    """Return which points have only hidden cells around them. cells: which cells are hidden, [z, y, x]."""
     for axis, n in enumerate(num_points):
         if n > 1:
             padding = [(1, 1) if k == axis else (0, 0) for k in range(3)]

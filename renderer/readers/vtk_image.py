@@ -36,9 +36,9 @@ from renderer.scene import short_text
 from renderer.system import attribute, unescaped
 from renderer.volume import Array, Bools, Float64
 
-# The largest ratio of decompressed to compressed bytes of deflate.
+# The largest ratio of decompressed to compressed bytes that deflate, the usual compression of VTK, can reach.
 _MAX_PACKING = 1032
-# The most pieces of a parallel image.
+# The largest number of pieces of a parallel image.
 _MAX_PIECES = 10_000
 # The module and the class of VTK's reader for each kind of data. Legacy files spell their kinds in capital letters.
 _READERS = {
@@ -47,15 +47,15 @@ _READERS = {
     "STRUCTURED_POINTS": ("vtkIOLegacy", "vtkStructuredPointsReader"),
     "RECTILINEAR_GRID": ("vtkIOLegacy", "vtkRectilinearGridReader"),
 }
-# The hint for other kinds of grids.
+# The hint of errors about grids of kinds that are not read.
 _RESAMPLE = "grids of other kinds are resampled to an image first, for instance by ParaView's filter Resample To Image"
 
 
 def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
     """Read one component of one array of an image.
 
-    has_spacing_override: unused, as the file always has lengths. Raises InputError for files that are truncated or
-        hold other data, and if `time` or `component` do not fit.
+    has_spacing_override: has no effect, as the file always has lengths. Raises InputError for files that are truncated
+        or hold other data, and if `time` or `component` do not fit.
     """
     require_package("vtkmodules", extra="vtk")
     select_index("time", time, 1)
@@ -161,14 +161,15 @@ def _assembled(path: Path, pieces: list[tuple[Path, tuple[int, ...]]], component
 
 
 def piece_files(path: Path) -> list[Path]:
-    """Return the files of the pieces that a parallel image names; none for other files."""
+    """Return the files of the pieces that a parallel image names; an empty list for any other file."""
     return [file for file, _ in _pieces(path)]
 
 
 def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
-    """Return the files of the pieces that a parallel image names, and the extent of each; none for other files.
+    """Return the files of the pieces that a parallel image names, and the extent of each piece.
 
-    Raises InputError for a piece that is missing, or not in the folder of the image.
+    Returns an empty list for any other file. Raises InputError for a piece that is missing, or not in the folder of the
+    image.
     """
     text = _start(path)
     if _kind(text) != "PImageData":
@@ -190,7 +191,10 @@ def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
 
 
 def _extent(tag: re.Match[str] | None, name: str) -> tuple[int, ...]:
-    """Return the first and the last point along each axis, by an attribute; raises InputError for an invalid one."""
+    """Return the first and the last point along each axis that a tag's attribute gives.
+
+    Raises InputError for an invalid attribute.
+    """
     extent = extent_in(tag[0], name) if tag else None
     if extent is None:
         raise _damaged(f"no {name} of six numbers")
@@ -298,7 +302,10 @@ def _damaged(got: str | None) -> InputError:
 
 
 def _world_from_index(image: Any, *, is_cells: bool) -> Float64:
-    """Return the affine, float64 [4, 4], of the first voxel of an image, which may be a part of a larger image."""
+    """Return the affine from voxel indices to the world, float64 [4, 4].
+
+    image: an image, or a part of a larger image. Its first voxel has the index 0.
+    """
     first = np.full(3, 0.5 if is_cells else 0.0)
     if image.IsA("vtkRectilinearGrid"):
         coordinates = (image.GetXCoordinates(), image.GetYCoordinates(), image.GetZCoordinates())

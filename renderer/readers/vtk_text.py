@@ -12,14 +12,14 @@ import numpy as np
 
 from renderer.system import attribute, number_in
 
-# The attributes with the place of an image, and the count of numbers of each.
+# The attributes with the place of an image, and how many numbers each of them holds.
 _PLACES = {"Origin": 3, "Spacing": 3, "Direction": 9}
-# A whole number of an attribute.
+# A whole number in the text of an attribute.
 _INTEGER = re.compile(r"-?[0-9]{1,9}")
 
 
 def extent_in(tag: str, name: str) -> tuple[int, ...] | None:
-    """Return the first and the last point along each axis, by an attribute of a tag; None for an invalid attribute."""
+    """Return the first and the last point along each axis that a tag's attribute gives; None for an invalid one."""
     words = (attribute(tag, name) or "").split()
     numbers = tuple(int(word) for word in words if _INTEGER.fullmatch(word))
     is_extent = len(words) == len(numbers) == 6 and all(numbers[k + 1] >= numbers[k] for k in (0, 2, 4))

@@ -11,8 +11,9 @@ film is up to date, reached the requested accuracy, and agrees with its sidecar.
 - `citation.py`: how a film was made, in words for a paper, and BibTeX.
 - `up_to_date.py`: whether something that was made is up to date, and why not; `fingerprint.py`: all that a film depends
   on; `finished_film.py`: a film that is made; `picture_files.py`: whether its pictures are unchanged; `own_files.py`:
-  whether files are its own.
-- `verification.py`: whether a finished film agrees with its sidecar; `verified_accuracy.py`: by exact rays.
+  whether a film has made the files of its outputs.
+- `verification.py`: whether a finished film agrees with its sidecar; `verified_accuracy.py`: its accuracy, measured
+  again by exact rays.
 """
 
 import lazy_loader

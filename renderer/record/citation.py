@@ -25,20 +25,21 @@ from renderer.scene import (
     short_text,
 )
 
-# The sections of a scene, or of one of its volumes, that name no file which has to be there.
+# The sections that are read from a recorded scene and from each of its volumes. None names a file that must still
+# exist.
 _SECTIONS = {key: SECTIONS[key] for key in ("splat", "mode", "shading", "output")}
 _LIGHT = {
     "specular": "highlights", "silhouette": "silhouettes", "occlusion": "ambient occlusion", "shadow": "soft shadows",
     "gradient_opacity": "opacities that depend on the gradient",
 }  # fmt: skip
 _GOALS = {"splats": "at most {} cells a frame", "seconds": "{} s a frame", "psnr": "PSNR {} dB", "rmse": "RMSE {}"}
-# Of a package, or a commit. Other characters may have a meaning in BibTeX.
+# The version of a package, or a commit, as it may be printed. Other characters may have a meaning in BibTeX.
 _VERSION = re.compile(r"[\w.+ -]{1,80}", re.ASCII)
 _DIGITS_OF_FINGERPRINT = 12
 
 
 def bibtex(record: FilmRecord) -> str:
-    """Return BibTeX of the paper, and of the hsplat that made a film; CITATION.cff tells the same of the sources."""
+    """Return BibTeX entries for the paper on hierarchical splatting, and for the version of hsplat that made a film."""
     return Path(__file__).with_name("citation.bib").read_text("utf-8").replace("VERSION", _version(record))
 
 
@@ -77,7 +78,9 @@ def _read_sections(tree: Mapping[str, Any], place: str, sidecar: Path) -> dict[s
 
 
 def _volume_text(volume: VolumeRecord) -> str:
-    """Return `engine.nhdr, 256 x 256 x 110 voxels of uint8, spacing 1 x 1 x 1.4 mm, fingerprint c50eea700b5c`."""
+    """Return a line on a volume: `engine.nhdr, 256 x 256 x 110 voxels of uint8, spacing 1 x 1 x 1.4 mm, fingerprint
+    c50eea700b5c`.
+    """
     x, y, z, _ = (math.hypot(*column) for column in zip(*volume.world_from_index[:3], strict=True))
     return (
         f"{volume.name}, {' x '.join(map(str, volume.shape))} voxels of {volume.dtype}, spacing "
@@ -101,13 +104,13 @@ def _drawing_sentence(record: FilmRecord, given: Mapping[str, Any]) -> str:
 
 
 def _light_sentence(shadings: list[Any]) -> str:
-    """Return the light of the scene or of one of its volumes, or the motion of a light."""
+    """Return a sentence on the shading of a film. shadings: the `shading` sections of the scene and its volumes."""
     words = [word for key, word in _LIGHT.items() if any(getattr(each, key) not in (None, 0) for each in shadings)]
     return f"There was {join_words(['Lambertian shading', *words], 'and') if shadings else 'no shading'}."
 
 
 def _accuracy_sentences(accuracy: FilmAccuracy, record: FilmRecord, output: OutputSpec) -> Iterator[str]:
-    """Yield how exact the film is, and other files of the pictures that were measured."""
+    """Yield a sentence on the accuracy of the film, and one for each further file that shows the measured pictures."""
     decoded = f" and the first {counted(accuracy.file.frames, 'frame')} decoded again" if accuracy.file else ""
     yield (
         f"Accuracy of {output.file.name} against the exact ray integral: {accuracy_text(accuracy)}; intervals of 95 %, "

@@ -15,15 +15,17 @@ from renderer.accuracy import MOST_DB
 from renderer.errors import Problem
 from renderer.scene import MAX_FRAMES, check_frames_ascend, is_plain_data, schema
 
-# The largest number of a record. No measured value comes near it, and sums over all parts of a film stay finite.
+# The largest number that a record may contain. No measured value comes near it, and sums over all parts of a film stay
+# finite.
 _MAX_AMOUNT = 1e100
-# The largest whole number of a record, which fits into 64 bits.
+# The largest whole number that a record may contain; it fits into 64 bits.
 _MAX_COUNT = 2**63 - 1
-# The most levels of data that is copied as it is: more than any scene or fingerprint has.
+# The largest number of nested levels in data that a record keeps unchecked. It is more than any scene or fingerprint
+# has.
 _MOST_LEVELS = 12
-# The most characters of a line of text.
+# The largest number of characters in a line of text of a record.
 _MAX_LINE_LENGTH = 200
-# The field of an open record that keeps its further keys.
+# The name of the field in which an open record keeps the keys of other programs.
 FURTHER_KEYS = "further"
 
 _DIGEST = re.compile("[0-9a-f]{32}")
@@ -32,7 +34,7 @@ T = TypeVar("T")
 
 
 class _OfFrame(Protocol):
-    """A record of a frame."""
+    """The interface of a record of one frame of a film."""
 
     @property
     def frame(self) -> int:
@@ -42,11 +44,11 @@ class _OfFrame(Protocol):
 OfFrame = TypeVar("OfFrame", bound=_OfFrame)
 
 
-# Numbers and text
+# Types of numbers and text
 
 
 def number(expected: str, kinds: tuple[type, ...], least: float, most: float) -> schema.FieldType[Any]:
-    """Return the type of a number of these Python types, from `least` to `most`."""
+    """Return the type of a number from `least` to `most`. kinds: the Python types that the number may have."""
 
     def parse(node: schema.TreeNode) -> Any:
         value: Any = node.value
@@ -82,7 +84,7 @@ SHAPE = schema.sequence_field(COUNT, "[x, y, z]", count=3)
 MATRIX = schema.sequence_field(schema.sequence_field(COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)
 
 
-# Data that is copied as it is
+# The type of data that is kept unchecked
 
 
 def _parse_data(node: schema.TreeNode) -> Any:
@@ -94,11 +96,11 @@ def _parse_data(node: schema.TreeNode) -> Any:
 DATA: schema.FieldType[Any] = schema.FieldType("a mapping", _parse_data)
 
 
-# Records
+# Types of records
 
 
 def read_record(field: schema.FieldType[T], value: object) -> T | None:
-    """Return the record in plain data; None where the data is not a record of this type."""
+    """Return the record that a field type reads from plain data; None if the data is not a record of this type."""
     problems: list[Problem] = []
     record = field.read(schema.TreeNode(value, "", problems))
     return None if problems else record
@@ -124,7 +126,7 @@ def open_record(cls: Callable[..., T]) -> schema.FieldType[T]:
 def frames(frame: schema.FieldType[OfFrame], expected: str) -> schema.FieldType[tuple[OfFrame, ...]]:
     """Return the type of a list of one or more records of frames, in the order of their numbers.
 
-    Only the first wrong record is reported: others may have the same mistake.
+    Only the first wrong record is reported, as other records may have the same mistake.
     """
 
     def parse(node: schema.TreeNode) -> Any:

@@ -1,4 +1,4 @@
-"""Compute the fingerprint of a film: all that its frames depend on, and how they are encoded."""
+"""Compute the fingerprint of a film: all data that its frames depend on, and the settings of their encoding."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ from renderer.scene import (
     without_sources,
 )
 
-# The keys of an output that change the frames; others are about the encoding and the name of the film.
+# The keys of an output that change the frames. All other keys are about the encoding and the name of the film.
 _DRAWN_KEYS = ("size", "background")
 _NOT_ENCODED = ("file",)
 
 
 def film_fingerprint(scene: FilmScene, requested: ErrorSpec, volume_fingerprint: str, device: str) -> FilmFingerprint:
-    """Return the fingerprint of a film: scene, voxels, versions and device.
+    """Return the fingerprint of a film, which depends on scene, voxels, versions of packages and device.
 
-    The schedule counts as it was requested, not as the tolerances that were found for it, so a film that is rendered
-    from its sidecar has the same fingerprint.
+    requested: the requested accuracy. It counts in place of the tolerances that were found for it, so that a film that
+        is rendered from its sidecar has the same fingerprint.
+    volume_fingerprint: the joint fingerprint of the film's volumes. device: the device that draws.
     """
     tree = without_sources(scene_to_dict(with_draw_order(scene)))
-    tree = with_files(tree, lambda _, name: Path(name).name)  # fonts and logos may move
+    tree = with_files(tree, lambda _, name: Path(name).name)  # files of fonts and logos may be moved
     left_out = {*schedule_to_dict(scene.error), "probes"}
     rest = {key: value for key, value in tree["error"].items() if key not in left_out}
     output = {key: first_output(tree)[key] for key in _DRAWN_KEYS}
@@ -55,7 +56,10 @@ def film_fingerprint(scene: FilmScene, requested: ErrorSpec, volume_fingerprint:
 
 
 def fingerprint_of(depends_on: Mapping[str, Any], output: OutputSpec) -> FilmFingerprint:
-    """Return the fingerprint of a film whose frames depend on this plain data."""
+    """Return the fingerprint of a film whose frames depend on this plain data.
+
+    output: the outputs of the film, by which they are encoded.
+    """
     tree = outputs_of({"output": spec_to_dict(output)})
     first, *others = ({key: value for key, value in each.items() if key not in _NOT_ENCODED} for each in tree)
     first = {key: value for key, value in first.items() if key not in _DRAWN_KEYS}

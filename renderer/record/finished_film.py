@@ -26,51 +26,57 @@ from renderer.scene import (
 
 @dataclass(frozen=True)
 class FinishedFilm:
-    """A film as its sidecar describes it; anybody may have edited the sidecar. path: of the sidecar."""
+    """A film as its sidecar describes it. Anybody may have edited the sidecar. path: the path of the sidecar."""
 
     path: Path
     record: FilmRecord
 
     @property
     def file(self) -> Path:
-        """Return the film, or the template of its frames, beside the sidecar wherever that is now."""
+        """Return the path of the film, or of the template of its frames, in the folder where the sidecar is now."""
         return film_path_of_sidecar(self.path, Path(first_output(self.record.scene)["file"]))
 
     def frame_file(self, number: int) -> Path:
-        """Return the picture of a frame."""
+        """Return the path of the picture of a frame."""
         return frame_path(self.file, number)
 
     @property
     def num_path_frames(self) -> int:
-        """Return the number of frames of the whole path."""
+        """Return the number of frames of the whole camera path. The film may show only some of them."""
         camera = schema.TreeNode(self.record.scene["camera"], "camera", [], film=schema.FilmTime(None, 1.0))
         return CAMERA_FIELD.read(camera).num_frames
 
     @property
     def has_goal(self) -> bool:
-        """Return whether its tolerances were found for a goal, so that other frames have others."""
+        """Return whether the film's tolerances were found for a goal, so that each frame may have another one."""
         return self.record.schedule.requested.goal is not None
 
     @property
     def frames_digest(self) -> str | None:
-        """Return the digest of all that its frames depended on; None for a film that one pass would not have made."""
+        """Return the digest of all that the film's frames depend on; None for a film that no single pass would make."""
         return None if self.record.fingerprint is None else self.record.fingerprint.frames_digest
 
     @property
     def tools(self) -> dict[str, Any]:
-        """Return the versions of the packages that made it, by name, with `device` and `sources`."""
+        """Return the versions of the packages that made the film, by name, with `device` and `sources`."""
         found = {**self.record.versions, "device": self.record.device}
         sources = self.record.fingerprint and self.record.fingerprint.depends_on.get("sources")
         return found | ({"sources": sources} if isinstance(sources, str) else {})
 
     def has_tolerances_of(self, scene: FilmScene) -> bool:
-        """Return whether its frames were drawn at the tolerances of this scene: nobody has changed the recorded one."""
+        """Return whether the film's frames were drawn at the tolerances of this scene.
+
+        For the recorded scene, it says that nobody has changed them.
+        """
         return scene.error.goal is None and all(
             tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in self.record.frames
         )
 
     def require_volumes(self, fingerprint: str, names: Sequence[str]) -> None:
-        """Raise InputError unless it shows the volumes of these names, which have this joint fingerprint."""
+        """Raise InputError unless the film shows the volumes with this joint fingerprint.
+
+        names: the names of these volumes, for the message.
+        """
         if fingerprint != self.record.volume.fingerprint:
             raise InputError(
                 "the film was made from another volume",
@@ -82,11 +88,11 @@ class FinishedFilm:
 
     @property
     def is_complete(self) -> bool:
-        """Return whether it meets the accuracy that was requested."""
+        """Return whether the film meets the accuracy that was requested."""
         return self.record.schedule.met and "total" in self.record.seconds
 
     def is_up_to_date(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> bool:
-        """Return whether it is the requested film, and its files are unchanged."""
+        """Return whether this film is the requested one, has the requested accuracy, and has unchanged files."""
         return not self._change(fingerprint, frames) and self.is_complete and self._changed_file(output) is None
 
     def why_stale(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> str:
@@ -112,7 +118,10 @@ class FinishedFilm:
         return f"{why} and is drawn again"
 
     def _change(self, fingerprint: FilmFingerprint, frames: Sequence[int]) -> str:
-        """Return the difference between the requested film and this one; empty where they are the same."""
+        """Return, in words, how this film differs from the requested one; empty if it does not.
+
+        fingerprint, frames: the fingerprint and the frames of the requested film.
+        """
         own = self.record.fingerprint
         if own is None:
             return "one pass would not have made it"
@@ -123,7 +132,7 @@ class FinishedFilm:
         return ""
 
     def _changed_file(self, output: OutputSpec) -> Path | None:
-        """Return the first output that is not the file that was written; None if all are."""
+        """Return the file of the first output that is not as it was written; None if all outputs are."""
         digests = [self.record.digest, *(each.digest for each in self.record.outputs)]
         if len(digests) != len(output.files):
             return output.file
@@ -133,7 +142,7 @@ class FinishedFilm:
         return None
 
     def _made_files(self, output: OutputFile, digest: str | None) -> Iterator[MadeFile]:
-        """Yield the files of an output. digest: of a film in one file."""
+        """Yield the files of an output, with their recorded digests. digest: the digest of an output in one file."""
         if not output.is_frames:
             yield MadeFile(output.file, digest)
             return
@@ -143,7 +152,7 @@ class FinishedFilm:
 
 
 def find_finished_film(sidecar: Path, note: Callable[[str], object]) -> FinishedFilm | None:
-    """Return the film of a sidecar; None where there is none, or one that no job can keep.
+    """Return the film that a sidecar describes; None if there is no sidecar, or if no job can keep its film.
 
     note: takes a sentence on why a record cannot be used.
     """

@@ -25,11 +25,11 @@ from renderer.scene import (
 )
 
 BEST_EFFORT_HINT = "with --best-effort it is good enough"
-# The fraction of its budget by which the seconds of a frame that is in time may differ from it.
+# A frame is in time if its seconds differ from its budget of seconds by at most this fraction of the budget.
 _TIME_MARGIN = 0.2
-# The fraction of the frames that may be late without an error.
+# The fraction of a film's frames that may take longer than their budget of seconds without an error.
 _MAX_LATE_FRACTION = 0.1
-# Steps that later frames share: the cut, its primitives and its edges.
+# The steps of a frame whose results later frames can share: the cut, and the primitives and edges of its cells.
 _SHARED_STEPS = ("cut", "primitives", "edges")
 # The chance that a frame that is as exact as requested lies below its interval, which holds in 95 % of cases.
 _CHANCE_BELOW_INTERVAL = 0.025
@@ -51,16 +51,16 @@ def not_refined(file: str, requested: ErrorSpec, frames: Sequence[FrameRecord]) 
 
 
 def missed_goal(goal: Goal, frames: Sequence[FrameRecord]) -> RenderError | None:
-    """Return the error for a goal that these frames did not reach, or None."""
+    """Return the error for a goal that these frames did not reach; None if they reached it."""
     if isinstance(goal, MetricTarget):
         return _accuracy_shortfall(goal, frames)
     return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else None
 
 
 def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> RenderError | None:
-    """Return the error for frames that are surely less exact than the goal, by their rays; else None.
+    """Return the error for frames that exact rays show to be surely less exact than the goal; else None.
 
-    The rays see the error of rounding to 8 bits, too, which the goal does not count.
+    The rays also measure the error of rounding to 8 bits, which the goal does not count.
     """
     film = film_accuracy(frames)
     if film is None:
@@ -86,7 +86,10 @@ def _most_missing_by_chance(num_frames: int) -> float:
 
 
 def _time_shortfall(goal: TimeBudget, frames: Sequence[FrameRecord]) -> RenderError | None:
-    """Return the error where many frames were too slow, at the coarsest cut or on a slower machine; else None."""
+    """Return the error if many frames took longer than their budget of seconds; else None.
+
+    Even the coarsest cut may take too long, and the machine may have become slower.
+    """
     late = [frame for frame in frames if _predicted(frame) > (1 + _TIME_MARGIN) * _budget(goal, frame)]
     if len(late) <= _MAX_LATE_FRACTION * len(frames):
         shares = [_drawing_seconds(frame) / _budget(goal, frame) for frame in frames]
@@ -106,7 +109,7 @@ def _time_shortfall(goal: TimeBudget, frames: Sequence[FrameRecord]) -> RenderEr
 
 
 def _drawing_seconds(frame: FrameRecord) -> float:
-    """Return the seconds of a frame without the steps that later frames share."""
+    """Return the seconds of a frame without the steps whose results later frames can share."""
     return float(sum(seconds for name, seconds in frame.seconds.items() if name not in _SHARED_STEPS))
 
 
@@ -120,15 +123,15 @@ def _predicted(frame: FrameRecord) -> float:
 
 
 def _is_in_time(goal: TimeBudget, frame: FrameRecord) -> bool:
-    """Return whether a frame took its budget within the margin, or less while it shows every voxel."""
+    """Return whether a frame took its budget of seconds within the margin, or less if it shows every voxel."""
     share = frame.total_seconds / _budget(goal, frame)
     return abs(share - 1) <= _TIME_MARGIN or (share < 1 and frame.tolerance == 0)
 
 
 def summary_parts(scene: FilmScene, record: FilmRecord, num_resumed: int) -> Iterator[str]:
-    """Yield `120 frames in 25.1 s`, how exact they are, `190 bricks a frame`, and how a goal was met.
+    """Yield the parts of a line on a film: `120 frames in 25.1 s`, accuracy, `190 bricks a frame`, how a goal was met.
 
-    scene: with its goal. num_resumed: how many of the frames earlier jobs drew.
+    scene: the scene with its goal. num_resumed: the number of frames that earlier jobs drew.
     """
     frames, seconds = record.frames, record.seconds["total"]
     num, goal, found = len(frames), scene.error.goal, record.schedule.measured
@@ -149,6 +152,6 @@ def summary_parts(scene: FilmScene, record: FilmRecord, num_resumed: int) -> Ite
 
 
 def range_text(values: Sequence[float]) -> str:
-    """Return `0.1`, or `0.05 to 0.1`."""
+    """Return the range of some values as `0.05 to 0.1`, or as `0.1` if they are equal."""
     low, high = min_max(values)
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"

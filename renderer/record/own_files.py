@@ -1,7 +1,8 @@
 """Tell which files a film has made, so that it replaces no other file of the same name.
 
-The first output may belong to another film, and a note says so. A further output may belong to a film that is still
-wanted, and nobody named the sidecar.
+A file with the name of the first output is replaced even if it belongs to another film, and a note says so. Further
+outputs and the sidecar are protected: a further output may belong to a film that is still wanted, and the name of the
+sidecar is nobody's choice.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ if TYPE_CHECKING:  # records take a while to load, and a film without older file
 
 
 def require_own_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> None:
-    """Raise InputError if a further output exists that no job of this film has made, or another JSON as its sidecar.
+    """Raise InputError if a further output exists that no job of this film has made, or if another JSON file has the
+    name of the sidecar.
 
-    A sidecar that is damaged is made again.
+    A damaged sidecar is made again.
     """
     known = read_json_object(sidecar, MAX_SIDECAR_BYTES)
     if known and "scene" not in known:
@@ -48,22 +50,25 @@ def require_own_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) 
 
 
 def naming_mark(output: OutputSpec, sidecar: Path) -> Path:
-    """Return the file that shows that outputs have got their final names, and the sidecar is still to be written."""
+    """Return the path of the mark that exists while outputs get their final names and the sidecar is still to write."""
     return unfinished_folder(output) / f"{sidecar.name}.naming"
 
 
 def _records(output: OutputSpec, sidecar: Path) -> Iterator[FilmRecord]:
-    """Yield the records of a film, the one of the sidecar first, and of its parts."""
+    """Yield the records in the sidecars of an output: first `sidecar`, then those of the whole film and its parts."""
     from renderer.record.sidecar import SIDECAR
 
     for path in dict.fromkeys([sidecar, *film_sidecars(output.file)]):
-        with suppress(InputError):  # it is reported where the film is looked at
+        with suppress(InputError):  # a damaged sidecar is reported when the job looks for a finished film
             record = SIDECAR.find(path)
             if record is not None:
                 yield record
 
 
 def _has_made(record: FilmRecord, output: OutputSpec, each: OutputFile) -> bool:
-    """Return whether a record has a further output, at the same place seen from its sidecar: a film may be moved."""
+    """Return whether a record lists the further output `each`.
+
+    Places are compared as seen from the folder of the first output, as the film may have been moved.
+    """
     place = relative_path(each.file, output.file.parent)
     return any(made.frames and made.file == place for made in record.outputs)

@@ -16,7 +16,7 @@ from renderer.scene import PictureKind
 
 @dataclass(frozen=True)
 class FrameFile:
-    """The picture of a frame of a finished film, in a file."""
+    """A file with the picture of one frame of a finished film."""
 
     film: FinishedFilm
     record: FrameRecord
@@ -29,7 +29,7 @@ class FrameFile:
 
 
 def picture_problems(frames: Sequence[FrameFile], kind: PictureKind) -> Iterator[Problem]:
-    """Yield a problem for each picture that is missing, or was changed since it was drawn. kind: as expected."""
+    """Yield a problem for each picture that is missing, or was changed since it was drawn. kind: the expected kind."""
     missing: dict[Path, list[FrameFile]] = {}
     by_digest = {frame.record.digest: frame.number for frame in frames}
     for frame in frames:
@@ -54,7 +54,10 @@ def picture_problems(frames: Sequence[FrameFile], kind: PictureKind) -> Iterator
 def _picture_problem(
     content: bytes, frame: FrameFile, kind: PictureKind, by_digest: Mapping[str | None, int]
 ) -> str | None:
-    """Return the fault of a picture as a phrase, or None."""
+    """Return the fault of a picture as a phrase; None for the expected picture.
+
+    content: the content of the file. by_digest: the numbers of all frames by the digests of their pictures.
+    """
     try:
         found, depth = picture_layout(content)
     except ValueError as error:

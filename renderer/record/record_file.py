@@ -42,10 +42,10 @@ _END = "\n}"
 class RecordFile(Generic[R]):
     """A kind of file that holds one record.
 
-    field: the type of the record. noun: the kind, for messages. max_bytes: the most bytes of a file.
+    field: the type of the record. noun: the name of the kind, for messages. max_bytes: the largest size of a file.
     format_line: the value of the key `format`, which comes first in each file; None for a kind without this key.
-    hint: for the user of a file that has another format.
-    lined: the last key of the record, if each item of its list has a line of its own in the file.
+    hint: the hint of the error about a file that has another format.
+    lined: the last key of the record, if it has a list whose items each have a line of their own in the file.
     """
 
     field: schema.FieldType[R]
@@ -68,9 +68,10 @@ class RecordFile(Generic[R]):
         return f"{text}\n".encode(errors="backslashreplace")
 
     def write(self, path: Path, record: R, folder: Path | None = None) -> None:
-        """Write the file, whole or not at all; `folder` as in `renderer.film.write_staged`.
+        """Write the file, whole or not at all.
 
-        Raises ValueError as `content`, and InputError or RenderError if the file cannot be written.
+        folder: an existing folder for the temporary file; None for the folder of the path.
+        Raises ValueError for numbers that JSON lacks, and InputError or RenderError if the file cannot be written.
         """
         write_staged(path, self.content(record), folder)
 
@@ -81,12 +82,18 @@ class RecordFile(Generic[R]):
         return self.from_json(self.load(content, path) if may_be_json(content) else {}, path)
 
     def find(self, path: Path) -> R | None:
-        """Return the record in a file; None where there is no JSON object. Raises InputError as `from_json`."""
+        """Return the record in a file; None if the file is missing or holds no JSON object.
+
+        Raises InputError if the object has another format, or SceneError with all problems of the record.
+        """
         data = read_json_object(path, self.max_bytes)
         return None if data is None else self.from_json(data, path)
 
     def load(self, content: bytes, path: Path) -> dict[str, Any]:
-        """Return the data in content that begins with a brace. Raises InputError, or SceneError with its problems."""
+        """Return the data in the content of a file, which begins with a brace.
+
+        Raises InputError if it is too large or no JSON, and SceneError with all values that records cannot have.
+        """
         if len(content) > self.max_bytes:
             raise InputError(f"too large for {self.noun}", where=str(path), expected=f"at most {self.max_bytes} bytes")
         return load_json_object(decode_utf8(content, path), path, kind=self.noun)

@@ -32,12 +32,12 @@ from renderer.scene import (
 from renderer.system import package_versions, sources_digest
 from renderer.volume import Volume
 
-# The opacity below which a voxel changes no pixel of 8 bits.
+# The opacity below which a pixel of 8 bits shows its background alone. A frame without larger opacities is blank.
 _MIN_VISIBLE_OPACITY = 0.5 / 255
 
 
 def make_frame_record(frame: Frame, film: FilmStage) -> FrameRecord:
-    """Return the record of a frame of a film that was drawn; it has no digest yet."""
+    """Return the record of a drawn frame. The record has no digest yet. film: the stage of the film."""
     return FrameRecord(
         frame=frame.number,
         tolerance=frame.tolerance,
@@ -61,8 +61,8 @@ def make_film_record(
 ) -> FilmRecord:
     """Return the record of a film that was drawn.
 
-    stage: of the film, with the tolerances of its frames where they were found. devices: that drew the frames.
-    seconds: of the whole job.
+    stage: the stage of the film. If tolerances were found for a goal, its scene has them.
+    devices: the devices that drew the frames. seconds: the time of the whole job.
     """
     scene, volumes = stage.scene, [layer.volume for layer in stage.layers]
     levels = [
@@ -97,7 +97,7 @@ def _volume_record(volume: Volume) -> VolumeRecord:
     return VolumeRecord(name, volume.fingerprint, dtype, shape, affine, volume.length_unit)
 
 
-# Notes
+# Notes for the user
 
 
 def visibility_notes(frames: Sequence[FrameRecord]) -> list[str]:
@@ -113,7 +113,7 @@ def visibility_notes(frames: Sequence[FrameRecord]) -> list[str]:
 
 
 def device_notes(devices: Sequence[str]) -> list[str]:
-    """Return a note if several devices drew the frames: frames that were kept, or workers of a cluster."""
+    """Return a note if several devices drew the frames, such as the workers of a cluster."""
     if len(devices) < 2:
         return []
     return [f"bytes may differ from frame to frame, drawn by different devices: {' and '.join(devices)}"]
@@ -129,7 +129,7 @@ def shortfall_notes(original: FinishedFilm) -> list[str]:
 
 
 def version_notes(original: FinishedFilm, device: str) -> list[str]:
-    """Return a note if a film is made again by other versions than the original."""
+    """Return a note if a film is made again, with other versions of packages or another device than the original."""
     changed = changed_tools(original, device)
     if not changed:
         return []
@@ -139,7 +139,7 @@ def version_notes(original: FinishedFilm, device: str) -> list[str]:
 def changed_tools(original: FinishedFilm, device: str | None = None) -> list[str]:
     """Return `numpy 2.4.6, which was 2.0.2` for each package that had another version when a film was made.
 
-    device: now, if it is compared, too.
+    device: the device that draws now, which is compared like a version; None to compare packages alone.
     """
     before = original.tools
     now = package_versions() | ({} if device is None else {"device": device}) | {"sources": sources_digest()}

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-# Decimal places of a share, in [0, 1]: a millionth of a picture is less than a pixel of most pictures.
+# The number of decimal places of a share, in [0, 1]: a millionth of a picture is less than a pixel of most pictures.
 _PLACES_OF_SHARES = 6
-# Decimal places of a PSNR, in decibels.
+# The number of decimal places of a PSNR, in decibels.
 _PLACES_OF_DECIBELS = 2
-# Decimal places of a time, in seconds.
+# The number of decimal places of a time, in seconds.
 _PLACES_OF_SECONDS = 3
 
 
 def round_share(share: float) -> float:
-    """Return a share in [0, 1] as records have it."""
+    """Return a share in [0, 1], rounded as in records."""
     return round(float(share), _PLACES_OF_SHARES)
 
 
 def round_decibels(psnr: float) -> float:
-    """Return a PSNR as tables of films have it."""
+    """Return a PSNR in decibels, rounded as in tables of films."""
     return round(psnr, _PLACES_OF_DECIBELS)
 
 
 def round_seconds(seconds: float) -> float:
-    """Return a time as tables of films have it."""
+    """Return a time in seconds, rounded as in tables of films."""
     return round(seconds, _PLACES_OF_SECONDS)

@@ -18,14 +18,14 @@ SIDECAR = RecordFile(
     hint="render its scene again; it stands under `scene` in this file, and can be saved as a .json file of its own",
 )
 
-# The beginning of a record that may be damaged further on.
+# The beginning of a sidecar. A file with this beginning is a sidecar, even if it is damaged further on.
 _RECORD_START = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"(format|scene)"\s*:')
 
 
 def parse_film_record(content: bytes, path: Path) -> FilmRecord | None:
     """Return the record in the content of a file; None for content that is no record of a film.
 
-    Raises InputError, or SceneError with all problems, where it is one of another version, or is damaged.
+    Raises InputError for a record of another version or a damaged one, and SceneError with all problems in a record.
     """
     if not may_be_json(content):
         return None
@@ -34,5 +34,5 @@ def parse_film_record(content: bytes, path: Path) -> FilmRecord | None:
     except InputError:
         if len(content) > SIDECAR.max_bytes or _RECORD_START.match(content):
             raise
-        return None  # the YAML parser accepts more, and tells the line
+        return None  # it may be a scene in YAML; the YAML parser accepts it, or tells the line of a mistake
     return SIDECAR.from_json(data, path) if {"scene", "format"} & data.keys() else None

@@ -1,4 +1,4 @@
-"""Verify a finished film by its files and its sidecar alone: whether it is whole, of which inputs, and how exact."""
+"""Verify a finished film: whether its files are whole, whether it shows its scene and volume, and how exact it is."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from renderer.record.up_to_date import describe_mismatch
 from renderer.record.verified_accuracy import MOST_RAYS, FreshAccuracy, RayOptions, RayProgress, measure_pictures
 from renderer.scene import ErrorSpec, FilmScene, OutputFile, OutputSpec, accuracy_of, counted
 
-# The problem of a file whose pictures can be measured all the same.
+# The words of the problem that a file has not its recorded digest. Its pictures can be measured all the same.
 _CHANGED = "not the file that its sidecar describes"
 
 
@@ -26,7 +26,8 @@ _CHANGED = "not the file that its sidecar describes"
 class FilesCheck:
     """A check of the files of a film, by their digests and by decoding them.
 
-    problems: differences from the sidecar. readable: the frames that have pictures. notes: on digests that are unknown.
+    problems: differences from the sidecar. readable: the frames whose pictures can be decoded. notes: sentences on
+    files whose digests are not recorded.
     """
 
     problems: Sequence[Problem]
@@ -36,7 +37,11 @@ class FilesCheck:
 
 @dataclass(frozen=True)
 class PicturesCheck:
-    """A check of the pictures of a film against its scene and volume. measured: None where no picture was measured."""
+    """A check of the pictures of a film against its scene and volume.
+
+    problems: differences from the scene and the recorded accuracy. notes: sentences on what cannot be checked.
+    measured: the accuracy by exact rays; None if no picture was measured.
+    """
 
     problems: Sequence[Problem]
     notes: Sequence[str]
@@ -44,7 +49,10 @@ class PicturesCheck:
 
 
 def verify_files(film: FinishedFilm, output: OutputSpec) -> FilesCheck:
-    """Look at all files of a film, wherever it is now, and decode them. Raises RenderError where ffmpeg is missing."""
+    """Check all files of a film, in the folder where it is now, and decode them.
+
+    Raises RenderError if ffmpeg is missing.
+    """
     record, notes = film.record, list[str]()
     digests = [record.digest, *(each.digest for each in record.outputs)]
     found = [[*_file_problems(film, *pair)] for pair in zip(output.files, digests, strict=False)]
@@ -68,10 +76,13 @@ def verify_files(film: FinishedFilm, output: OutputSpec) -> FilesCheck:
 
 
 def _file_problems(film: FinishedFilm, output: OutputFile, digest: str | None) -> Iterator[Problem]:
-    """Yield the problems of the files of an output. digest: of a film in one file; None where it is not known."""
+    """Yield the problems of the files of an output.
+
+    digest: the recorded digest of an output in one file; None if it is not recorded.
+    """
     where = str(output.file)
     frames = [frame for frame in film.record.frames if output.shows(frame.frame)]
-    if not frames:  # it shows others
+    if not frames:  # the output shows only frames that the film does not have
         return
     if output.is_frames:
         known = [replace(frame, digest=frame.digest_of(output.kind)) for frame in frames]
@@ -102,7 +113,7 @@ def verify_pictures(
 ) -> PicturesCheck:
     """Compare a film with its scene, and measure its pictures.
 
-    stage: of its scene, and of the volume that it shows. files: the check of its files.
+    stage: the stage of its scene and of the volume that it shows. files: the check of its files.
     """
     scene, notes = stage.scene, list[str]()
     # A scene that somebody has edited is expected to differ; so are the versions that drew it.
@@ -110,7 +121,7 @@ def verify_pictures(
     requested = film.record.schedule.requested if is_unchanged else accuracy_of(scene.error)
     changed = changed_tools(film) if is_unchanged else []
     problems = [*_scene_problems(film, scene, requested)]
-    if changed:  # another version may have other keys, and other defaults
+    if changed:  # scenes of another version may have other keys and other defaults
         notes = [f"drawn by other versions than these: {'; '.join(changed)}"]
         notes += [f"{each.what}: {each.got}" for each in problems]
         problems = []
@@ -126,7 +137,10 @@ def verify_pictures(
 
 
 def _scene_problems(film: FinishedFilm, scene: FilmScene, requested: ErrorSpec) -> Iterator[Problem]:
-    """Yield a problem where the scene is not the one whose fingerprint was recorded. requested: its accuracy."""
+    """Yield a problem if the scene is not the one whose fingerprint was recorded.
+
+    requested: the accuracy that was requested of the film, which is part of the fingerprint.
+    """
     recorded, record = film.record.fingerprint, film.record
     if recorded is None:
         return

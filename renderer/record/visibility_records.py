@@ -15,22 +15,27 @@ from renderer.record.rounding import round_share
 from renderer.scene import join_some
 from renderer.system import printable
 
-# The share of all that is visible below which a range counts as hidden.
+# A range of scalars counts as hidden if its share of the visibility of all ranges is below this.
 _HIDDEN_SHARE = 0.01
-# The opacity that a hidden range has at least, as a part of the largest one: the foot of a ramp is meant to be faint.
+# A range counts as hidden only if its opacity is at least this part of the largest opacity in its volume: the foot of a
+# ramp, with a small opacity, is meant to be faint.
 _LEAST_OPACITY = 0.25
-# The part of the mean share below which a label counts as hidden: labels are many and small.
+# A label counts as hidden if its share of the visibility is below this part of the mean share of a label: labels are
+# many and small.
 _HIDDEN_PART = 0.1
 
 
 def range_record(found: ScalarRange) -> VisibleRange:
-    """Return the record of a range of scalars whose share is not known yet; its ends may be infinite."""
+    """Return the record of a range of scalars whose share of the visibility is not known yet.
+
+    An end of the range that is infinite is None in the record.
+    """
     low, high = (end if isfinite(end) else None for end in (found.low, found.high))
     return VisibleRange(0.0, round_share(found.opacity), low, high, found.name, found.layer)
 
 
 def film_visibility(frames: Sequence[FrameRecord], ranges: Sequence[VisibleRange]) -> FilmVisibility | None:
-    """Return the shares of these ranges in a film; None where a frame lacks them, and where nothing is visible."""
+    """Return the share of each range in the visibility over a film; None if a frame lacks it, or nothing is visible."""
     if not ranges or any(len(frame.visible) != len(ranges) for frame in frames):
         return None
     visible = np.mean([frame.visible for frame in frames], axis=0)
@@ -43,9 +48,9 @@ def film_visibility(frames: Sequence[FrameRecord], ranges: Sequence[VisibleRange
 
 
 def visibility_text(visibility: FilmVisibility) -> str:
-    """Return `hardly seen: values from 180 to 255, 0.1 % of what is visible`; empty where no range is hidden.
+    """Return `hardly seen: values from 180 to 255, 0.1 % of what is visible`; empty if no range is hidden.
 
-    Neighbours are one range.
+    Hidden ranges that are neighbours are named as one range.
     """
 
     def is_hidden(each: VisibleRange) -> bool:
@@ -64,7 +69,7 @@ def _percent(ranges: Sequence[VisibleRange]) -> str:
 
 
 def _group_text(group: Sequence[VisibleRange]) -> str:
-    """Return the values from the first range to the last one, or the labels of all."""
+    """Return the name of neighbouring ranges: the values from the first to the last range, or the names of labels."""
     first, last = group[0], group[-1]
     volume = "" if first.layer is None else f" of volume {first.layer + 1}"
     if first.name is not None:

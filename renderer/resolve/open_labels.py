@@ -20,8 +20,8 @@ def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Proble
     """Return a layer in which each label that is shown has a number, a colour and a name.
 
     place: the position of the layer's labels in the scene. read: reads the voxels of a volume whose labels are not
-    known yet. problems: labels that no voxel has are added to it. Raises InputError for volumes that are no labels, and
-    tables that cannot be read.
+    known yet. problems: a list to which this adds a problem for each label that no voxel has. Raises InputError for
+    volumes that are no labels, and tables that cannot be read.
     """
     look, labels = layer.transfer_function, layer.transfer_function.labels
     if labels is None or labels.has_colors:
@@ -31,7 +31,11 @@ def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Proble
 
 
 def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: Problems) -> MaskSpec | None:
-    """Return a mask in which each label that is shown has a number. Other parameters are as in `with_labels`."""
+    """Return a mask in which each label that is shown has a number.
+
+    place: the position of the mask in the scene. problems: a list to which this adds a problem for each label that no
+    voxel has. Raises InputError for volumes that are no labels, and tables that cannot be read.
+    """
     if mask is None or mask.labels.has_numbers or not isinstance(mask.volume, VolumeSpec):
         return mask
     known = read_labels(OverFrames(mask.volume), read, mask.labels)
@@ -39,9 +43,10 @@ def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: 
 
 
 def label_problems(scene: FilmScene, read: ReadVolume) -> Problems:
-    """Return the problems with labels that a scene names but neither any step of their volume nor its table has.
+    """Return a problem for each label that a scene names, but that neither its volume nor the volume's table has.
 
-    Only volumes of which the scene names labels are read. Raises InputError as `read_labels` does.
+    All steps in time of a volume are read, but only if the scene names labels of the volume. Raises InputError for
+    volumes that are no labels, and tables that cannot be read.
     """
     problems, choices = Problems(), dict[str, tuple[OverFrames[VolumeSpec], LabelsSpec]]()
     for number, layer in enumerate(scene.at(0).layers):
@@ -64,7 +69,8 @@ def _mask_volume(layer: LayerSpec) -> VolumeSpec:
 def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Problems) -> LabelsSpec:
     """Return the labels that are shown, with their numbers, colours, opacities and names.
 
-    place: the position of the labels in the scene. problems: labels that no voxel has are added to it.
+    spec: the labels as the scene has them. known: the labels of the volume. place: the position of the labels in the
+    scene. problems: a list to which this adds a problem for each label that no voxel has.
     """
 
     def values_of(key: LabelKey, path: str) -> Iterator[int]:

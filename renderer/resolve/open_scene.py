@@ -30,14 +30,15 @@ def resolve_scene(scene: AnyScene, read: ReadVolume) -> AnyScene:
     Each `component: all` becomes a list of layers, one for each channel; `time: auto` becomes a motion; labels get
     numbers and colours; voxels that are colours get a transfer function; percentiles become values.
 
-    read: reads the voxels of one channel, and of each channel without a range of values. Raises InputError as `read`
-    and `with_labels` do, and SceneError for labels that no voxel has and for percentiles with the same value.
+    read: reads the voxels of one channel at one step in time. Raises InputError for volumes that cannot be read, or are
+    no labels where the scene has labels, and SceneError for labels that no voxel has and for percentiles with the same
+    value.
     """
     return scene.changed(partial(_resolved, read=read))
 
 
 def _resolved(scene: Scene, read: ReadVolume) -> Scene:
-    """Resolve a scene as `resolve_scene` does. Motions are passed on; nothing is calculated with them."""
+    """Return the scene with nothing left open, as in `resolve_scene`. Values that move stay as they are."""
     problems = list[Problem]()
 
     @cache
@@ -62,7 +63,10 @@ def _resolved(scene: Scene, read: ReadVolume) -> Scene:
 
 
 def _channels(layer: LayerSpec, read: ReadVolume) -> list[LayerSpec]:
-    """Return a layer for each channel of a volume, or the layer, with a transfer function if its voxels are colours."""
+    """Return a layer for each channel of a volume, if all are shown; otherwise the layer itself.
+
+    A layer whose voxels are colours gets a transfer function, if it has none.
+    """
     if layer.volume.component == "all":
         return channel_layers(layer, read(replace(_first(layer.volume), component=0)), read)
     return [_with_colors(layer, read) if layer.has_open_colors else layer]
@@ -91,5 +95,5 @@ def _with_colors(layer: LayerSpec, read: ReadVolume) -> LayerSpec:
 
 
 def _first(volume: VolumeSpec) -> VolumeSpec:
-    """Return the volume of the first frame."""
+    """Return the description of a volume at the first frame of a film."""
     return OverFrames(volume).at(0)

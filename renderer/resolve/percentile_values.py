@@ -24,8 +24,9 @@ _HINT = "many voxels have the same value; take percentiles that differ: `hsplat 
 def with_values(layer: LayerSpec, place: str, read: ReadVolume, problems: list[Problem]) -> LayerSpec:
     """Return a layer in whose transfer function values replace the percentiles.
 
-    The values are those of the first step in time. place: the position of the transfer function in the scene. problems:
-    problems with the values are added to it. Raises InputError as `read` does.
+    The values are the percentiles of the volume at the first frame. place: the position of the transfer function in the
+    scene. problems: a list to which this adds problems with the values, such as percentiles with the same value. Raises
+    InputError for a volume that cannot be read.
     """
     transfer = layer.transfer_function
     if not transfer.relative:

@@ -16,7 +16,7 @@ from renderer.scene.schema import INVALID, Color, TreeNode
 from renderer.scene.volume_files import file_field
 from renderer.system import printable
 
-# The most characters of a line of text.
+# The largest number of characters in a text of the annotation, such as its title.
 MAX_TEXT_LENGTH = 200
 
 Position = Literal["top-left", "top", "top-right", "left", "right", "bottom-left", "bottom", "bottom-right"]
@@ -65,9 +65,9 @@ _SIZE = schema.number_field(minimum=0.005, maximum=0.5, motion=None)
 
 @dataclass(frozen=True, kw_only=True)
 class EntrySpec:
-    """An entry of the annotation.
+    """An entry of the annotation: a text, a bar or a picture that is drawn over finished pictures.
 
-    position: entries at one position stack in the order of the keys, away from the edge.
+    position: the place in the picture. Entries at one position stack in the order of the keys, away from the edge.
     size: the height of the text, or of the whole logo or orientation, as a share of the picture's height.
     color: `auto` is white on a dark background and black on a light one.
     """
@@ -83,7 +83,7 @@ class ColorBarSpec(EntrySpec):
 
     label: the text over the bar; by default the name and the unit of the scalar.
     length: the length of the bar, as a share of the picture's height.
-    layer: the number, from 0, of the volume whose bar is shown; None shows the bars of all volumes.
+    layer: the number, from 0, of the volume whose transfer function is shown; None shows those of all volumes.
     """
 
     label: Annotated[str | None, _TEXT] = None
@@ -93,28 +93,33 @@ class ColorBarSpec(EntrySpec):
 
 @dataclass(frozen=True, kw_only=True)
 class TimeSpec(EntrySpec):
-    """A line with numbers: `frame`, `seconds` in the film, `time` of the step, and moving values by their keys."""
+    """An entry with a line of text that has numbers in it.
+
+    format: the text, with names of numbers in braces: `frame`, `seconds` from the start of the film, `time` of the step
+        that is shown, and dotted keys of values that move, such as `camera.zoom`.
+    """
 
     format: Annotated[str, schema.FieldType(_FORMAT_WORDS, _parse_format)] = "{seconds:.1f} s"
 
 
 @dataclass(frozen=True, kw_only=True)
 class TitleSpec(EntrySpec):
-    """A line of text."""
+    """An entry with a fixed line of text."""
 
     text: Annotated[str, _TEXT]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogoSpec(EntrySpec):
-    """A picture: PNG, JPEG or WebP."""
+    """An entry with a picture from a PNG, JPEG or WebP file."""
 
     file: Annotated[Path, file_field("a picture: PNG, JPEG or WebP", folder=False)]
 
 
 def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None = None) -> schema.FieldType[Any]:
-    """Return the field type of an entry: a mapping, the value of its key `short`, or true if no key is needed.
+    """Return the field type of an entry of class `cls`.
 
+    A scene gives the entry as a mapping, as the value of its key `short` alone or, if no key is required, as true.
     position, size: the default values of these keys.
     """
     table = schema.field_table(cls)
@@ -164,12 +169,12 @@ class AnnotationSpec:
 
     @property
     def shows_anything(self) -> bool:
-        """Return whether anything is drawn."""
+        """Return whether the annotation draws anything."""
         return bool(self.entries) or self.bounds or self.octree
 
     @property
     def files(self) -> list[Path]:
-        """Return the files that the annotation names: of its font and its logo."""
+        """Return the files that the annotation names: the font and the logo, as far as they are given."""
         return [file for file in (self.font, self.logo.file if self.logo else None) if file is not None]
 
 
@@ -177,7 +182,7 @@ ANNOTATION_SECTION = schema.dataclass_field(AnnotationSpec)
 
 
 def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int, moving: Mapping[str, object]) -> None:
-    """Check that the scene has the volumes and the numbers that its annotation names.
+    """Check that the scene has the volume that the color bar names, and the numbers that the line of time names.
 
     node: the node of the annotation. moving: the scene's moving values at some frame, by their keys.
     """
@@ -197,5 +202,5 @@ def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int
 
 
 def moving_numbers(moving: Mapping[str, object]) -> dict[str, float]:
-    """Return the numbers among the values that move, by their keys."""
+    """Return those of the moving values that are numbers, by their keys."""
     return {key: value for key, value in moving.items() if isinstance(value, (int, float))}

@@ -11,18 +11,19 @@ from renderer.scene import schema
 from renderer.scene.message_text import join_words
 from renderer.scene.schema import INVALID, TreeNode, Vector
 
-# The longest path, in seconds: a day.
+# The longest duration of a camera path, in seconds: a day.
 MAX_SECONDS = 86400.0
 
-# The largest angle, in degrees: float64 keeps the direction after thousands of turns to 1e-10 degrees.
+# The largest azimuth or roll of a camera, in degrees: nearly 3000 turns. Float64 resolves such an angle to 1e-10
+# degrees.
 MAX_ANGLE = 1e6
-# The narrowest view, in degrees: a view of 0 shows nothing. The tangent of its half is 9e-6.
+# The smallest `field_of_view`, in degrees; an angle of 0 would show nothing. The tangent of half this angle is 9e-6.
 MIN_FIELD_OF_VIEW = 0.001
-# The widest view, in degrees: a view of 180 shows nothing. The tangent of its half is 1146.
+# The largest `field_of_view`, in degrees; an angle of 180 would show nothing. The tangent of half this angle is 1146.
 MAX_FIELD_OF_VIEW = 179.9
-# The smallest factor on the size of the picture.
+# The smallest zoom of a keyframe, a factor by which the object is magnified in the picture.
 MIN_ZOOM = 1e-6
-# The largest factor on the size of the picture.
+# The largest zoom of a keyframe, a factor by which the object is magnified in the picture.
 MAX_ZOOM = 1e6
 
 AXES: dict[str, Vector] = {
@@ -51,7 +52,7 @@ def _check_direction(node: TreeNode, vector: tuple[Any, ...]) -> Any:
 _AXIS_WORDS = "x, y, z, -x, -y, -z or a direction [x, y, z], not all 0"
 _AXIS = schema.word_or(AXES, direction_field(_AXIS_WORDS), _AXIS_WORDS)
 
-# The types of fields that several kinds of path have.
+# The types of keys that several kinds of camera path share.
 _NUM_FRAMES = schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)
 NumFrames = Annotated[int, _NUM_FRAMES]
 Axis = Annotated[Vector, _AXIS]
@@ -60,18 +61,18 @@ Elevation = Annotated[float, schema.number_field(minimum=-90, maximum=90)]
 
 
 class _Path:
-    """The base class of all camera paths. Most of them can also be a piece of a sequence."""
+    """The base class of all camera paths. All but `PathSequence` can also be a piece of a sequence."""
 
     type: ClassVar[str]
 
     def written(self) -> object:
-        """Return the keys of the path with their values."""
+        """Return the path as a scene file has it: its keys with their values."""
         return {"type": self.type} | vars(self)
 
 
 @dataclass(frozen=True)
 class TurntablePath(_Path):
-    """A path around the target: azimuth `start + 360 f / frames`, constant elevation."""
+    """A path around the target: at frame f the azimuth is `start + 360 f / frames`; the elevation is constant."""
 
     type: ClassVar[str] = "turntable"
     frames: NumFrames
@@ -82,7 +83,10 @@ class TurntablePath(_Path):
 
 @dataclass(frozen=True)
 class RockerPath(_Path):
-    """A path to and fro: azimuth `start + swing / 2 * sin(2 pi f / frames)`; `swing` is the whole angle swept."""
+    """A path to and fro: at frame f the azimuth is `start + swing / 2 * sin(2 pi f / frames)`.
+
+    swing: the angle between the two ends of the path, in degrees.
+    """
 
     type: ClassVar[str] = "rocker"
     frames: NumFrames
@@ -94,7 +98,10 @@ class RockerPath(_Path):
 
 @dataclass(frozen=True)
 class Keyframe:
-    """A camera at one frame; `zoom` magnifies the picture relative to the path's distance."""
+    """The direction of the camera at one frame of a path, and its zoom.
+
+    zoom: a factor by which the object is magnified, compared with its size at the camera's `distance`.
+    """
 
     frame: Annotated[int, schema.FRAME_NUMBER_FIELD]
     azimuth: Angle
@@ -109,7 +116,11 @@ _KEYS = schema.sequence_field(
 
 @dataclass(frozen=True)
 class KeyframePath(_Path):
-    """A path through keys in ascending frame order, eased between them; directions are interpolated on the sphere."""
+    """A path through the directions of keys. Between two keys, directions are interpolated on the sphere.
+
+    keys: the keys, with ascending frames. loop: whether the path leads from the last key back to the first.
+    easing: with `smooth`, the camera's speed changes smoothly at the keys.
+    """
 
     type: ClassVar[str] = "keyframes"
     frames: NumFrames
@@ -121,7 +132,10 @@ class KeyframePath(_Path):
 
 @dataclass(frozen=True)
 class HoldPath(_Path):
-    """A path that stays where the piece before it ended, or where the piece after it begins."""
+    """A piece of a path in which the camera stands still.
+
+    It stays where the piece before it ended or, at the start of a path, where the first moving piece begins.
+    """
 
     type: ClassVar[str] = "hold"
     frames: NumFrames
@@ -155,9 +169,9 @@ _FLIGHT_KEYS = schema.sequence_field(
 
 @dataclass(frozen=True)
 class FlightPath(_Path):
-    """A flight of the eye along a smooth curve through keys, from where the piece before it ended.
+    """A flight of the eye along a smooth curve through keys. It starts where the piece of the path before it ended.
 
-    The eye's speed is constant over the whole flight, or between keys that have frames.
+    The eye's speed is constant over the whole flight or, if keys have frames, between two keys.
     easing: with `smooth`, the eye starts and ends at rest. axis: the direction that is up in the picture.
     """
 
@@ -184,7 +198,7 @@ class PathSequence(_Path):
         return sum(piece.frames for piece in self.pieces)
 
     def written(self) -> object:
-        """Return the list of its pieces."""
+        """Return the path as a scene file has it: the list of its pieces."""
         return self.pieces
 
 
@@ -196,7 +210,7 @@ _TYPE: schema.FieldType[Any] = schema.choice_field(*_PATHS)
 _SECONDS = schema.number_field(above=0, maximum=MAX_SECONDS, motion=None)
 _PATH_FIELDS = {name: {"type": _TYPE, **schema.field_table(cls), "seconds": _SECONDS} for name, cls in _PATHS.items()}
 _PATH_KEYS = {key: field for table in _PATH_FIELDS.values() for key, field in table.items()}
-# For each key, a hint on the types of path that have it, for a path of another type.
+# For each key of a path, the hint for a path of a type that lacks this key. It names the types that have the key.
 _OWNERS = {
     key: f"{key} belongs to type: {join_words(name for name, table in _PATH_FIELDS.items() if key in table)}"
     for key in set().union(*_PATH_FIELDS.values())
@@ -223,7 +237,7 @@ def _parse_piece(node: TreeNode) -> Any:
     if "type" not in node.value:
         return _TYPE.reject(node.child("type"), "missing")
     name = _TYPE.read(node.child("type", node.value["type"]))
-    if name is INVALID:  # which keys are legal depends on it
+    if name is INVALID:  # the type decides which keys are legal
         return INVALID
     required = [key for key in schema.required_keys(_PATHS[name]) if key != "frames" or "seconds" not in node.value]
     given = schema.read_fields(node, _PATH_FIELDS[name], required=required, misplaced_hints=_OWNERS)
@@ -242,7 +256,7 @@ def _parse_piece(node: TreeNode) -> Any:
 
 
 def _check_keys(node: TreeNode, keys: object, num_frames: object) -> None:
-    """Check that keyframes ascend and lie in the path."""
+    """Check that the frames of keys ascend and lie in the path, and that either all keys have frames or none."""
     frames = [getattr(key, "frame", INVALID) for key in keys] if isinstance(keys, tuple) else []
     for index, frame in enumerate(frames):
         if (frame is None) != (frames[0] is None) and INVALID not in (frame, frames[0]):
@@ -263,14 +277,15 @@ _TARGET = schema.word_or({"visible": "visible"}, schema.POINT_FIELD, f"{schema.P
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """A camera and its path. With `loop: ping-pong`, the camera goes along its path and back again.
+    """A camera and its path.
 
     target: the point that the camera looks at. None is the centre of the volume. "visible" is the centre of all voxels
         that are visible on any frame or, with `follow`, of the voxels that are visible on the present frame.
     distance: from the eye to the target; None is the distance at which everything stays in the picture on all frames.
     field_of_view: the vertical angle of view, in degrees. An orthographic camera shows as much as a perspective one
         does at the target: `2 distance tan(field_of_view / 2)` world units of height.
-    near: the distance from the plane through the eye within which nothing is drawn.
+    near: nothing is drawn that is closer than this to the plane through the eye at right angles to the view.
+    follow: see `target`. loop: with `ping-pong`, the camera goes along its path and back again.
     """
 
     path: Annotated[CameraPath, _PATH]

@@ -12,7 +12,7 @@ from renderer.scene.message_text import format_value
 from renderer.scene.schema import TreeNode, Vector
 from renderer.scene.splat_section import SplatSpec
 
-# The most planes and boxes of a scene or a layer.
+# The largest number of clip planes and clip boxes together, in the `clip` of a scene or of a layer.
 MAX_CLIPS = 6
 
 
@@ -42,10 +42,11 @@ class PlaneSpec:
 
 @dataclass(frozen=True)
 class ClipSpec:
-    """A clip plane, or a clip box of a lowest and a highest corner; exactly one of them is given.
+    """A clip plane or a clip box; exactly one of them is given.
 
-    fixed: whether the clip turns with the object, in world axes, or stays before the camera, in view axes (x to the
-        right, y up, z toward the viewer) whose origin is the camera's target.
+    box: the lowest and the highest corner.
+    fixed: `object` for a plane or box in world axes, which turns with the object; `camera` for one that stays before
+        the camera, in view axes (x to the right, y up, z toward the viewer) whose origin is the camera's target.
     invert: whether to keep the part that would be clipped away, and to clip the other part.
     """
 
@@ -77,7 +78,10 @@ CLIP_SECTION = schema.sequence_field(
 
 
 def check_what_is_clipped(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that a scene with `clip` shows nothing that cannot be clipped. node: the node of the whole scene."""
+    """Check that a scene with `clip` shows neither splats nor lines around cells, which cannot be clipped.
+
+    node: the node of the whole scene. given: the sections of the scene.
+    """
     splat = given.get("splat")
     if given.get("clip") and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
         got, expected = f"splat.footprint: {splat.footprint}", "splat.footprint: integrated"

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from renderer.errors import closest_match
 
-# The names of ParaView's colormaps that `cmap` has under another name, with that name: on average, 256 colours of both
-# differ by less than 0.012. A name that `cmap` has, too, means its own colormap.
+# ParaView's names of colormaps, each with the name of the same colormap in the package `cmap`: on average, 256 colours
+# of both differ by less than 0.012. Names that `cmap` has, too, are left out: they mean the colormaps of `cmap`.
 _PARAVIEW = {
     "cool_to_warm": "coolwarm",
     "warm_to_cool": "coolwarm_r",
@@ -31,12 +31,15 @@ _PARAVIEW = {
 
 
 def is_colormap(name: str) -> bool:
-    """Return whether `colormap_points` knows this name, in any case and with blanks, dashes or underscores."""
+    """Return whether `colormap_points` knows this name. Case is ignored; blanks and dashes count as underscores."""
     return any(_normal(known) == _base(_in_catalogue(name)) for known in _names())
 
 
 def nearest_colormap(name: str) -> str | None:
-    """Return the colormap with the most similar name, or None. A suffix `_r` (reversed) is kept."""
+    """Return the known name that is most similar to an unknown one, or None if none is similar.
+
+    The suffix `_r`, which reverses a colormap, is kept.
+    """
     base = _base(name)
     short = ":" not in base
     found = closest_match(base, (each for each in sorted({*_names(), *_PARAVIEW}) if (":" not in each) == short))
@@ -46,7 +49,7 @@ def nearest_colormap(name: str) -> str | None:
 def colormap_points(name: str, count: int) -> list[tuple[float, float, float]]:
     """Return `count` >= 2 colours (r, g, b) in [0, 1], evenly spaced from the colormap's first to its last.
 
-    name: one that `is_colormap` accepts. Imports cmap, and with it numpy.
+    name: a name that `is_colormap` accepts. The function imports cmap, and with it numpy.
     """
     import cmap
 
@@ -59,7 +62,7 @@ def colormap_points(name: str, count: int) -> list[tuple[float, float, float]]:
 
 
 def _in_catalogue(name: str) -> str:
-    """Return the catalogue's name of a colormap of ParaView; any other name as it is."""
+    """Return the name in the catalogue of `cmap` for ParaView's name of a colormap; return other names unchanged."""
     meant = _PARAVIEW.get(_base(name), name)
     is_reversed = _base(name) != _normal(name)
     return meant if meant == name or not is_reversed else _base(meant) + "_r" * (_base(meant) == meant)
@@ -74,7 +77,7 @@ def _base(name: str) -> str:
 
 
 def _names() -> Iterator[str]:
-    """Yield the names in the catalogue's spelling, lazily: common ones are in the first files.
+    """Yield the names of all colormaps in the catalogue of `cmap`. Each file is read when its names are needed.
 
     Each colormap has two names: a short one (`viridis`), and one with its collection (`bids:viridis`).
     """

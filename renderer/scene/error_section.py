@@ -13,24 +13,26 @@ from renderer.scene.message_text import format_value, join_words
 from renderer.scene.motion import Motion, motion_to_dict
 from renderer.scene.schema import INVALID, TreeNode
 
-# The smallest tolerance besides 0: smaller numbers have fewer digits, which interpolation would lose.
+# The smallest tolerance above 0. Float64 holds numbers below 2e-308 with fewer digits, so that tolerances interpolated
+# between them would be inexact.
 MIN_TOLERANCE = 1e-300
 
-# The largest `finest_level`. Its cells are wider than any volume, as voxel indices along an axis are int32.
+# The largest `finest_level`. A cell of this level is 2^30 voxels wide, wider than any volume.
 MAX_LEVEL = 30
 
-# The largest budget of cells or bricks: more than any volume has voxels.
+# The largest number of cells or bricks that a budget can allow. No volume has as many voxels.
 MAX_SPLATS = 10**12
 
-# The least time for a frame, in seconds: no frame takes less.
+# The smallest time that a budget can allow for a frame, in seconds: no frame takes less.
 MIN_SECONDS = 1e-4
-# The most time for a frame, in seconds: a day.
+# The largest time that a budget can allow for a frame, in seconds: a day.
 LONGEST_S = 86400.0
 
-# The highest PSNR that can be asked for, in decibels.
+# The highest PSNR that a scene can ask for, in decibels.
 MAX_PSNR_DB = 200.0
 
-# The most exact rays for a frame: more take longer than a whole exact picture of usual size.
+# The largest number of exact rays that measure the accuracy of a frame. More rays take longer than an exact picture of
+# usual size.
 MAX_PROBES = 10**6
 _NUM_PROBES = schema.integer_field(minimum=0, maximum=MAX_PROBES)
 _PROBES = schema.word_or({"auto": None}, _NUM_PROBES, f"auto, or {_NUM_PROBES.expected}")
@@ -38,21 +40,24 @@ _PROBES = schema.word_or({"auto": None}, _NUM_PROBES, f"auto, or {_NUM_PROBES.ex
 
 @dataclass(frozen=True)
 class SplatBudget:
-    """A goal: the finest cut of at most this many cells, or bricks."""
+    """A goal: each frame is drawn from the finest cut that has at most `value` cells or, for bricks, `value` bricks."""
 
     value: int | Motion[int]
 
 
 @dataclass(frozen=True)
 class TimeBudget:
-    """A goal: the finest cut that this machine draws, rounds and encodes in this many seconds a frame."""
+    """A goal: each frame shows the finest cut that this machine draws, rounds and encodes within `value` seconds."""
 
     value: float | Motion[float]
 
 
 @dataclass(frozen=True)
 class MetricTarget:
-    """A metric of `renderer.accuracy.METRICS`, over all pixels of each frame, and the value to reach."""
+    """A goal: the value that a metric of accuracy has to reach. It is computed over all pixels of each frame.
+
+    metric: its name in `renderer.accuracy.METRICS`.
+    """
 
     metric: Literal["psnr", "rmse", "ssim", "flip"]
     value: float
@@ -74,7 +79,7 @@ class MetricTarget:
 class ErrorSpec:
     """The accuracy of a film: a tolerance, or a `goal` for which a tolerance is found.
 
-    goal: a budget or a target; for a `MetricTarget`, the largest tolerance of the whole film that reaches it is found.
+    goal: a budget or a target. A `MetricTarget` asks for the largest tolerance of the whole film that reaches it.
     finest_level: no cells smaller than `2^finest_level` voxels are drawn, whatever their error.
     probes: the number of exact rays that measure the accuracy of each frame; None chooses it by the picture's size.
     """
@@ -123,7 +128,7 @@ _SCHEDULES: dict[str, schema.FieldType[Any]] = {
     "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT, motion=None),
     "rmse": schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT, motion=None),
 }
-# The goals that these keys stand for. `tolerance` stands for none.
+# The goal that each key of _SCHEDULES stands for. The key `tolerance` stands for no goal.
 _GOALS: dict[str, Any] = {
     "splats": SplatBudget,
     "seconds": TimeBudget,
@@ -137,7 +142,7 @@ def _build_error(node: TreeNode, given: dict[str, Any]) -> ErrorSpec:
         hint = "the error of the scalar needs measure: rms"
         node.child("of", "scalar").reject("contradicts measure: optical", expected="classified", hint=hint)
     written = node.value if isinstance(node.value, Mapping) else {}
-    schedules = [key for key in given if key in _SCHEDULES and key in written]  # misspelt ones are given, too
+    schedules = [key for key in given if key in _SCHEDULES and key in written]  # `given` also has misspelt keys
     for other in schedules[1:]:
         node.key(other).reject(
             f"a second schedule beside {schedules[0]}",

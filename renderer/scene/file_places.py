@@ -1,4 +1,4 @@
-"""Find and change the names of files in a scene in plain data, which are relative to the scene file's folder."""
+"""Find and change the names of files in the plain data of a scene; names are relative to the scene file's folder."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ def relative_path(file: str | os.PathLike[str], folder: str | os.PathLike[str]) 
 
 
 def found_path(name: str, folder: str | os.PathLike[str]) -> str:
-    """Return the path of a file from its name relative to a folder, without `..` at its beginning."""
+    """Return the path of a file from its name relative to a folder.
+
+    Each `..` at the beginning of the name leads to the parent of the folder to which all links have been followed.
+    """
     if (up := _UP.match(name)) is None:
         return os.path.join(folder, name)
     above = Path(os.path.realpath(folder)).parents
@@ -37,7 +40,7 @@ def found_path(name: str, folder: str | os.PathLike[str]) -> str:
 
 
 def with_files(part: Any, place: Callable[[str, str], str]) -> Any:
-    """Return a copy of a part of a scene, in plain data, with new names of its files.
+    """Return a copy of a part of a scene's plain data, with new names of its files.
 
     place: a function that returns the new name of a file from the file's key and its old name.
     """

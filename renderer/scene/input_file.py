@@ -14,7 +14,8 @@ from typing import Any, BinaryIO
 from renderer.errors import InputError, closest_match
 
 MAX_SCENE_BYTES = 2**20
-# The most bytes of a sidecar. The longest film has a million frames, and a sidecar has some 500 bytes for each.
+# The largest size of a sidecar, in bytes. The longest film has a million frames, and a sidecar has some 500 bytes for
+# each frame.
 MAX_SIDECAR_BYTES = 2**29
 
 _VOLUME_HINT = "a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`"
@@ -22,7 +23,7 @@ _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 # The text headers of volumes: the first bytes of NRRD and VTK, or a line that every MetaImage header has.
 _VOLUME_HEADER = re.compile(rb"\A(?:NRRD000|# vtk DataFile)|^ElementDataFile[ \t]*=", re.IGNORECASE | re.MULTILINE)
 
-# A part of the path to which every link of git-annex leads.
+# A part of the target of every link that git-annex makes for a file that it manages.
 _ANNEX = ".git/annex/objects/"
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -38,7 +39,7 @@ def require_file(path: Path, expected: str) -> None:
 
 
 def read_bounded(path: Path, max_bytes: int, what: str) -> bytes:
-    """Return the content of a file of at most `max_bytes`. Raises InputError.
+    """Return the content of a file of at most `max_bytes`. Raises InputError for a larger or unreadable file.
 
     what: the expected kind of file, for messages.
     """
@@ -50,7 +51,10 @@ def read_bounded(path: Path, max_bytes: int, what: str) -> bytes:
 
 
 def read_content(path: Path) -> bytes:
-    """Return the content of a scene file or a sidecar, cut off just above the largest size. Raises InputError."""
+    """Return the content of a scene file or a sidecar; if it is too large, only one byte more than is allowed.
+
+    Raises InputError if the file cannot be read.
+    """
     with _open(path, "a scene file") as file:
         content = file.read(MAX_SCENE_BYTES + 1)
         return content + file.read(MAX_SIDECAR_BYTES - MAX_SCENE_BYTES) if may_be_json(content) else content
@@ -115,7 +119,9 @@ def is_same_file(path: Path, other: Path) -> bool:
 
 
 def place_of(path: str | Path) -> str:
-    """Return a path without links, to be compared with others. Files and folders on it need not exist yet.
+    """Return a path in a form that can be compared with others: links are resolved, and letters are lower case.
+
+    Files and folders on the path need not exist yet.
 
     Paths that differ only in case, or in the encoding of accents, become equal, as they are one file on some disks.
     """
@@ -123,7 +129,7 @@ def place_of(path: str | Path) -> str:
 
 
 def place_name(name: str) -> str:
-    """Return a name in lower case, with accents in one encoding, to be compared with others."""
+    """Return a name in a form that can be compared with others: in lower case, with accents in one encoding."""
     return unicodedata.normalize("NFC", name).lower()
 
 
@@ -139,7 +145,7 @@ def missing_file_error(path: Path, what: str = "no such file") -> InputError:
 
 
 def nearest_file_hint(path: Path) -> str | None:
-    """Return a hint with the most similar name of a file in the same folder; None without one."""
+    """Return a hint with the most similar name of a file in the same folder; None if no name is similar."""
     try:
         names = sorted(entry.name for entry in path.parent.iterdir())
     except OSError:

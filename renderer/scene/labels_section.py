@@ -15,11 +15,11 @@ from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT
 
 # The number or the name of a label.
 LabelKey = int | str
-# The most labels that a scene lists.
+# The largest number of labels that a mapping of a scene, or a table of labels, may have.
 MAX_LABELS = 2**16
-# The largest label: labels of connectomes have 60 bits.
+# The largest number of a label. Labels of connectomes, which are maps of neurons, have 60 bits.
 MAX_LABEL = 2**63 - 1
-# The most characters of a label's name; a longer one is cut.
+# The largest number of characters in a label's name; a longer name is cut.
 _MAX_NAME_LENGTH = 200
 
 
@@ -54,25 +54,25 @@ class LabelsSpec:
 
     @property
     def has_numbers(self) -> bool:
-        """Return whether the numbers of all labels that are shown are known."""
+        """Return whether the numbers of all labels that are shown are known before the volume is read."""
         is_listed = self.show is not None and not self.hide and not isinstance(self.names, Path)
         return is_listed and all(isinstance(label, int) for label in self.show or ())
 
     @property
     def has_colors(self) -> bool:
-        """Return whether the numbers, colours and opacities of the labels that are shown are known."""
+        """Return whether numbers, colours and opacities of the labels shown are known before the volume is read."""
         colors = dict(self.colors) if isinstance(self.colors, tuple) else {}
         is_complete = self.has_numbers and self.opacity is not None
         return is_complete and all(label in colors for label in self.show or ())
 
     @property
     def values(self) -> tuple[int, ...]:
-        """Return the numbers of the labels that are shown, ascending, if `has_numbers`."""
+        """Return the numbers of the labels that are shown, ascending. It may be called only if `has_numbers`."""
         assert self.has_numbers
         return tuple(sorted({label for label in self.show or () if isinstance(label, int)}))
 
     def written(self) -> dict[str, object]:
-        """Return the keys of the section with their values."""
+        """Return the section as a scene file has it: its keys with their values."""
         by_label = {
             key: dict(value) if isinstance(value, tuple) else value
             for key, value in vars(self).items()
@@ -82,7 +82,7 @@ class LabelsSpec:
 
     @property
     def styles(self) -> tuple[LabelStyle, ...]:
-        """Return the labels that are shown, ascending by number, if `has_colors`."""
+        """Return the labels that are shown, ascending by number. It may be called only if `has_colors`."""
         assert self.has_colors and isinstance(self.colors, tuple)
         colors, names = dict(self.colors), dict(self.names) if isinstance(self.names, tuple) else {}
         opacities: dict[Any, float] = dict(self.opacity) if isinstance(self.opacity, tuple) else {}
@@ -93,7 +93,7 @@ class LabelsSpec:
 
 
 def _parse_label(node: TreeNode) -> Any:
-    """Return the number or the name of a label. JSON has numbers as text where they are keys."""
+    """Return the number or the name of a label. Digits in a text are a number, as keys of JSON are always text."""
     if isinstance(node.value, str):
         digits = node.value.strip().removeprefix("-")
         is_number = digits.isdecimal() and digits.isascii() and len(digits) < 20
@@ -109,7 +109,10 @@ _LABEL = schema.FieldType("the number or the name of a label", _parse_label)
 def _by_label(
     item: schema.FieldType[Any], expected: str, other: schema.FieldType[Any] | None = None
 ) -> schema.FieldType[Any]:
-    """Return the field type of pairs, written as a mapping from labels to items, or of values of another type."""
+    """Return the field type of pairs (label, item), which a scene gives as a mapping from labels to items.
+
+    other: the field type of values that are no mappings; None if only mappings are allowed.
+    """
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, Mapping):
@@ -144,7 +147,7 @@ LABELS_TABLE: schema.FieldTable = {
 
 
 def build_labels(node: TreeNode, given: dict[str, Any]) -> LabelsSpec:
-    """Return a LabelsSpec with the given values of keys of LABELS_TABLE."""
+    """Return the choice of labels that a section `labels` makes. given: the section's values, by their keys."""
     names = given.get("names")
     if isinstance(names, tuple):
         for value, _ in names:
@@ -158,7 +161,8 @@ class MaskSpec:
     """A mask of a layer: a volume of labels, on a grid of its own. The layer is shown only inside of the given labels.
 
     volume: the volume of labels; or the name of another layer, whose volume takes its place when all layers are read.
-    labels: the labels in which the layer is shown. transform: see LayerSpec.
+    labels: the labels in which the layer is shown.
+    transform: a 4 x 4 matrix, row by row, that moves the volume of labels in the world.
     """
 
     volume: VolumeSpec | str

@@ -29,18 +29,20 @@ from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT
 
 # The largest factor on a layer's extinction.
 MAX_WEIGHT = 1e6
-# The thickness over which the upper end of a ramp has an optical depth of 1, as a share of the volume's longest side.
+# The thickness over which the upper end of a ramp has an optical depth of 1, as a share of the volume's longest side. A
+# ramp is the transfer function of a layer that has only `color` and `range`.
 RAMP_THICKNESS = 1 / 8
-# Hints for keys of a single volume that are given besides a list of volumes.
+# Hints for the keys of a single volume, for a scene that gives them although it has a list of volumes.
 _CONTRADICTS = {
     "volume": "put it into the list, or name a file by --set volumes.0.file=FILE",
     "transfer_function": "each volume in the list has its own",
 }
-# The opacity of a ramp at the end of `range`, for a length of one unit: an optical depth of 1.
+# The opacity of a ramp at the upper end of its range, over one unit of length: the opacity of an optical depth of 1.
 _RAMP_OPACITY = -math.expm1(-1.0)
 
 
-# The transfer function of a volume with `component: all`, or of voxels that are colours, where the scene gives none.
+# The transfer function of a volume with `component: all`, or of voxels that are colours, if the scene gives none: it is
+# still to be chosen.
 OPEN_LOOK = TransferSpec(None)
 
 
@@ -50,8 +52,8 @@ class LayerSpec:
 
     transform: a 4 x 4 matrix, row by row, that moves the volume in the world, such as the result of a registration.
     weight: a factor on the volume's extinction. clip: planes and boxes that clip only this volume.
-    color, range: the colour and the two ends of a ramp, if the transfer function is one. Its extinction rises from 0 to
-        an optical depth of 1 per eighth of the volume's longest side.
+    color, range: the colour and the two ends of a ramp, if the transfer function is a ramp. Its extinction rises from 0
+        to an optical depth of 1 over an eighth of the volume's longest side.
     mask: the mask inside of which the volume is shown.
     """
 
@@ -79,7 +81,7 @@ class LayerSpec:
 
     @property
     def depends_on_voxels(self) -> bool:
-        """Return whether the voxels must be read to say how they are shown."""
+        """Return whether the layer's look is known only when its voxels, or those of its mask, have been read."""
         labels, mask = self.transfer_function.labels, self.mask
         if any(volume.time == "auto" for volume in self.volumes.values()):
             return True
@@ -89,12 +91,12 @@ class LayerSpec:
 
     @property
     def look(self) -> dict[str, TransferSpec]:
-        """Return the transfer function by its key, `labels` or `transfer_function`; empty if it is not chosen yet."""
+        """Return a mapping from the key `labels` or `transfer_function` to its value; empty if none is chosen yet."""
         transfer = self.transfer_function
         return {} if transfer.is_open else {"transfer_function" if transfer.labels is None else "labels": transfer}
 
     def written(self) -> dict[str, object]:
-        """Return the layer's keys in a list of volumes, with their values."""
+        """Return the layer as the list of volumes in a scene file has it: its keys with their values."""
         others = ("volume", "transfer_function")
         own = {key: value for key, value in vars(self).items() if key not in others and value not in ("", ())}
         return self.volume.written() | (self.look if self.color is None else {}) | own
@@ -108,11 +110,11 @@ class SharedKeys:
     mask: MaskSpec | None = None
 
     def added_to(self, layer: LayerSpec) -> LayerSpec:
-        """Return a layer that has these keys where it has none of its own."""
+        """Return a layer with the shared shading or mask in place of one that the layer lacks."""
         return replace(layer, shading=layer.shading or self.shading, mask=layer.mask or self.mask)
 
     def taken_from(self, layer: LayerSpec) -> LayerSpec:
-        """Return a layer without these keys, as it is written in the list."""
+        """Return a layer without its shading or mask if it is the shared one, as the list of volumes leaves it out."""
         shading = None if layer.shading == self.shading else layer.shading
         return replace(layer, shading=shading, mask=None if layer.mask == self.mask else layer.mask)
 
@@ -157,7 +159,10 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
 
 
 def take_labels(node: TreeNode, given: dict[str, Any]) -> None:
-    """Put the labels of a scene or a layer in the place of its transfer function."""
+    """Move the value of the key `labels` of a scene or a layer to the key `transfer_function`.
+
+    node: the node of the scene or the layer. given: the values by their keys.
+    """
     if "labels" in given:
         labels = given.pop("labels")
         if given.setdefault("transfer_function", labels) is not labels:
@@ -165,7 +170,10 @@ def take_labels(node: TreeNode, given: dict[str, Any]) -> None:
 
 
 def ramp(color: Color, span: tuple[float, float]) -> TransferSpec:
-    """Return the transfer function of `color` and `range`."""
+    """Return a transfer function of one color. Its extinction rises from 0 at one end of `span` to the other.
+
+    At the upper end, its optical depth over one unit of length is 1.
+    """
     return TransferSpec(moving_result(_ramp_points, color, span))
 
 
@@ -262,7 +270,7 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
 def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tuple[TreeNode, Any]) -> None:
     """Refuse keys that need scalars between labels, in the scene or the layer at `node`, which shows labels.
 
-    lit: as in `_check_colors`.
+    lit: the node above the shading, and the shading.
     """
     key, (place, shading) = node.key("labels"), lit
     mode, splat = given.get("mode", ModeSpec()), given.get("splat")
@@ -318,10 +326,10 @@ def _valid_layers(volumes: object) -> Sequence[LayerSpec]:
 
 
 def take_layers(given: dict[str, Any]) -> tuple[tuple[LayerSpec, ...], SharedKeys | None]:
-    """Take the keys of volumes from the sections of a scene, and return its layers.
+    """Remove the keys of volumes from the sections of a scene, and return the layers that they describe.
 
-    Layers of a list get the scene's shading and mask where they have none of their own. These two are also returned;
-    None without a list.
+    A layer of a list that has no shading or no mask gets the scene's. Also returns the scene's shading and mask; None
+    for a scene without a list of volumes.
     """
     keys = ("volume", "transfer_function", "shading", "mask", "volumes")
     own = {key: given.pop(key) for key in keys if key in given}

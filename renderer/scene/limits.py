@@ -29,12 +29,12 @@ MAX_SPACING_RATIO = 1e5
 # The largest distance of a volume's centre from the world's origin, in sides of a voxel: float64 still places voxels to
 # 1e-4 of a side.
 MAX_OFFSET = 1e12
-# The largest distance, in radii, of the target from the volume's centre, of the eye from the target, and of the near
-# plane from the eye.
+# The largest distance of the target from the volume's centre, of the eye from the target, and of the near plane from
+# the eye, in radii of the volume.
 MAX_DISTANCE = 1e12
-# The least width of a pixel, as a share of a voxel's shortest side.
+# The smallest width of a pixel in the world, as a share of a voxel's shortest side.
 MIN_PIXEL_VOXELS = 1e-6
-# The largest width of a pixel, in radii.
+# The largest width of a pixel in the world, in radii of the volume.
 MAX_PIXEL_RADII = 1e12
 
 
@@ -59,7 +59,7 @@ def _extent(shape: Sequence[int], spacing: Sequence[float], centre: Sequence[flo
 
 
 def volume_extent(volume: Volume) -> Extent:
-    """Return the extent of a volume."""
+    """Return the place and the size of a volume."""
     return _extent(volume.shape_xyz, volume.spacing.tolist(), volume.centre.tolist())
 
 
@@ -86,7 +86,10 @@ def proportion_problems(
 
 
 def volume_problems(extent: Extent, path: str) -> Iterator[Problem]:
-    """Yield the problems of a volume's own proportions and place. path: the key of the scene that is to blame."""
+    """Yield problems for voxels that are too long or too flat, and for a volume too far from the world's origin.
+
+    path: the key of the scene that the problems are reported for.
+    """
     yield from _ratio_problems(extent.coarsest / extent.finest, path)
     offset = max(map(abs, extent.centre)) / extent.finest
     if offset > MAX_OFFSET:
@@ -102,7 +105,10 @@ def _ratio_problems(ratio: float, path: str) -> Iterator[Problem]:
 
 
 def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -> Iterator[Problem]:
-    """Yield a problem for each length of the camera that does not fit the volume's size."""
+    """Yield a problem for each length of the camera, and for a width of pixels, that does not fit the volume's size.
+
+    size: the size of the picture, (width, height).
+    """
     away = math.dist(camera.target, extent.centre) if isinstance(camera.target, tuple) else 0.0
     limit = MAX_DISTANCE * extent.radius
     expected = f"at most {limit:.4g}, {MAX_DISTANCE:g} times half the volume's diagonal"
@@ -122,7 +128,10 @@ def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -
 def _pixel_problems(
     camera: CameraSpec, distance: float, away: float, size: tuple[int, int], extent: Extent
 ) -> Iterator[Problem]:
-    """Yield the problems with the width of a pixel. away: the distance of the target from the volume's centre."""
+    """Yield a problem for pixels that are too narrow for the voxels, and one for pixels too wide for the volume.
+
+    away: the distance of the target from the volume's centre.
+    """
     # In perspective the far side of the volume is at most this far from any eye of the path.
     depth = distance if camera.projection == "orthographic" else distance + away + extent.radius
     per_unit = 2 * math.tan(math.radians(camera.field_of_view) / 2) / size[1]

@@ -9,15 +9,15 @@ from itertools import accumulate
 from renderer.errors import closest_match
 from renderer.system import printable
 
-# The most characters of a value in a message.
+# The largest number of characters in a value in a message.
 _MAX_VALUE_LENGTH = 60
-# The most characters of a text in a message: a matrix has as many with all its digits.
+# The largest number of characters in a text in a message. A matrix with all its digits has as many.
 _MAX_TEXT_LENGTH = 200
-# The most characters of a key in a message: the longest name of a file has as many.
+# The largest number of characters in a key in a message. The longest name of a file has as many.
 _MAX_KEY_LENGTH = 255
-# The most words of a list in a message.
+# The largest number of words in a list in a message.
 _MAX_WORDS = 12
-# The most characters of a list in a message.
+# The largest number of characters in a list in a message.
 _MAX_LINE_LENGTH = 300
 
 
@@ -46,7 +46,7 @@ def _scalar(value: object) -> str:
         return "nothing"
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, int) and value.bit_length() > 4 * _MAX_VALUE_LENGTH:  # Python refuses to spell very large ones
+    if isinstance(value, int) and value.bit_length() > 4 * _MAX_VALUE_LENGTH:  # Python may refuse to spell it
         return "a huge number"
     if isinstance(value, float):
         return repr(value).removesuffix(".0") if math.isfinite(value) else f".{value}"
@@ -66,26 +66,29 @@ def join_keys(path: str, key: object) -> str:
 
 
 def join_words(names: Iterable[object], last: str = "or") -> str:
-    """Return the names as `a, b or c`."""
+    """Return names as a list in words: `a, b or c`. last: the word before the last name."""
     *others, final = [str(name) for name in names]
     return f"{', '.join(others)} {last} {final}" if others else final
 
 
 def join_some(words: Sequence[str], separator: str = ", ") -> str:
-    """Return the first words, as many as fit into a line of a message but at least one, and how many more there are."""
+    """Return as many of the first words as fit into a line of a message, at least one, and the number of further words.
+
+    The number is in words: `a, b and 3 more`.
+    """
     ends = accumulate(len(word + separator) for word in words[:_MAX_WORDS])
     num = sum(end - len(separator) <= _MAX_LINE_LENGTH for end in ends)
     return first_few(words, max(num, 1), separator)
 
 
 def did_you_mean(name: object, names: Iterable[str]) -> str | None:
-    """Return a hint with the closest match among `names`, or None."""
+    """Return the hint `did you mean ...?` with the one of `names` that is most similar; None if no name is similar."""
     close = closest_match(name, names) if isinstance(name, str) else None
     return f"did you mean {close}?" if close else None
 
 
 def counted(num: int, one: str) -> str:
-    """Return `1 frame` or `2 frames`."""
+    """Return a number with its noun: `1 frame` or `2 frames`. one: the noun in the singular."""
     return f"{num} {one if num == 1 else f'{one}s'}"
 
 
@@ -96,6 +99,6 @@ def pluralize_range(nums: Sequence[int], one: str) -> str:
 
 
 def first_few(items: Sequence[object], most: int = 3, between: str = ", ") -> str:
-    """Return `a, b and 2 more`, with at most `most` of the items."""
+    """Return at most `most` of the items, and the number of further items: `a, b and 2 more`."""
     more = f" and {len(items) - most} more" if len(items) > most else ""
     return between.join(map(str, items[:most])) + more

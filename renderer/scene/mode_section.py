@@ -13,7 +13,7 @@ from renderer.scene.transfer_section import check_opacities
 
 ModeName = Literal["emission_absorption", "maximum", "minimum", "mean", "attenuation"]
 MODE_NAMES: tuple[str, ...] = get_args(ModeName)
-# Names that other programs use for modes, with ours, for hints.
+# Names that other programs use for modes, each with the name of the mode here, for hints.
 _ALIASES = {
     "mip": "maximum",
     "max": "maximum",
@@ -25,7 +25,7 @@ _ALIASES = {
 }
 _ATTENUATION_KEYS = ("scale", "zero")
 
-# The value that a projection needs in a key of another section, and the reason.
+# The values that a projection needs in other sections, as (section, key, value), each with the reason.
 _OTHER_SECTIONS = {
     ("splat", "footprint", "integrated"): "leave splat out: bricks draw every mode",
     ("error", "measure", "optical"): "the tolerance of a projection is a share of its colour range",
@@ -37,10 +37,11 @@ _OTHER_SECTIONS = {
 class ModeSpec:
     """A mode: emission and absorption, or a projection, which makes one number of each ray and colours this number.
 
-    type: `emission_absorption` or a projection: the `maximum` or `minimum` of the interpolated scalar s, its `mean`
-        over the ray's way through the volume's box, or the `attenuation`, exp(-integral of mu), with
+    type: `emission_absorption` or a projection: the `maximum` or `minimum` of the interpolated scalar s along a ray,
+        the `mean` of s over the ray's way through the volume's box, or the `attenuation`, exp(-integral of mu), with
         mu = scale * max(s - zero, 0) per world unit.
-    color_by: `depth` colours a maximum by where it lies, from 0 nearest to 1 farthest, as bright as its value.
+    color_by: `value` colours a ray by its number. `depth` colours a maximum by the place where it lies, from 0 nearest
+        to 1 farthest, and makes it as bright as its value.
     """
 
     type: Annotated[ModeName, schema.choice_field(*MODE_NAMES, aliases=_ALIASES)] = "emission_absorption"
@@ -55,7 +56,7 @@ class ModeSpec:
 
     @property
     def is_extremum(self) -> bool:
-        """Return whether a ray shows its largest or smallest scalar."""
+        """Return whether a ray shows the largest or the smallest scalar on its way."""
         return self.type in ("maximum", "minimum")
 
 
@@ -82,7 +83,7 @@ _SECTION = schema.dataclass_field(ModeSpec, _check_mode)
 
 
 def _parse_mode(node: TreeNode) -> Any:
-    """Read a mode from its name, or from a mapping."""
+    """Return the mode that a scene gives by its name or by a mapping, or INVALID."""
     if isinstance(node.value, Mapping):
         return _SECTION.parse(node)
     name = _NAME.parse(node)

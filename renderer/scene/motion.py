@@ -28,7 +28,7 @@ EASINGS: tuple[Easing, ...] = get_args(Easing)
 MotionKind = Literal["linear", "ratio", "direction"]
 
 
-# The most by which rounding may make a whole number smaller.
+# Rounding errors make a whole number smaller by less than this. It is added before such a number is rounded down.
 _LEAST = 1e-9
 
 
@@ -37,7 +37,8 @@ class Motion(Generic[T]):
     """A value that moves: its values at key frames. It is constant before the first key and after the last one.
 
     frames: the key frames, ascending. values: one for each key frame, all of the same shape.
-    easing: the course of time between two keys. kind: the interpolation of values between two keys.
+    easing: how time passes between two keys. kind: how values are interpolated: `linear`, in even ratios (`ratio`), or
+        on the sphere (`direction`).
     is_closed: whether the film loops, and the last key is the first key of the next loop.
     """
 
@@ -48,7 +49,10 @@ class Motion(Generic[T]):
     is_closed: bool = False
 
     def at(self, frame: float) -> T:
-        """Return the value at a frame, exact at keys. Whole numbers are rounded to the nearest one; ratios, down."""
+        """Return the value at a frame, exact at keys.
+
+        Between keys, whole numbers are rounded to the nearest one or, if they move in even ratios, down.
+        """
         following = bisect_right(self.frames, frame)
         if following == 0:
             return self.values[0]
@@ -72,9 +76,10 @@ class Motion(Generic[T]):
         return between  # type: ignore[no-any-return]
 
     def _part(self, number: int) -> tuple[Any, Any, float]:
-        """Return the values at both ends of an interval between keys, and its width in frames.
+        """Return the values at both ends of an interval between two keys, and the interval's width in frames.
 
-        Outside of the keys of a motion that is not closed, both values are equal: it starts and ends at rest.
+        number: the index of the interval. An interval before the first key or after the last key of a motion that is
+            not closed has equal values at both ends, as the motion starts and ends at rest.
         """
         num = len(self.frames) - 1
         start, end = (number % num, number % num + 1) if self.is_closed else (max(number, 0), min(number + 1, num))
@@ -83,8 +88,8 @@ class Motion(Generic[T]):
     def _number_between(self, ends: Sequence[float], widths: Sequence[float], x: float) -> float:
         """Return a number at a share x of an interval between two keys.
 
-        ends, widths: the numbers at both ends, and the widths, of three intervals: the one before, this one, the one
-            after.
+        ends, widths: the numbers at both ends of three intervals, and the intervals' widths in frames: the interval
+            before the two keys, the interval between them, and the interval after them.
         """
         pairs = list(zip(ends[::2], ends[1::2], strict=True))
         rises = [log_rise(*pair) if self.kind == "ratio" else pair[1] - pair[0] for pair in pairs]
@@ -104,7 +109,7 @@ def log_rise(before: float, after: float) -> float:
     """Return the logarithm of the ratio `after / before`: 0 for equal numbers, also for two zeros."""
     if before == after:
         return 0.0
-    if before == 0.0 or after == 0.0:  # only allowed between neighbouring frames
+    if before == 0.0 or after == 0.0:  # such keys are at neighbouring frames, so that nothing is interpolated
         return math.copysign(math.inf, after - before)
     # Almost equal values have an exact difference; the difference of their logarithms loses digits.
     close = 0.5 * before < after < 2.0 * before
@@ -112,7 +117,11 @@ def log_rise(before: float, after: float) -> float:
 
 
 def _velocity(before: float, after: float, width_before: float, width_after: float) -> float:
-    """Return the derivative of Fritsch and Butland at a key: a harmonic mean, 0 where the direction turns."""
+    """Return the derivative of the cubic curve of Fritsch and Butland at a key.
+
+    It is a weighted harmonic mean of the slopes of the intervals before and after the key, or 0 if one of them rises
+    and the other falls. width_before, width_after: the widths of the intervals, in frames.
+    """
     product = before * after
     if not 0.0 < product < math.inf:
         return 0.0
@@ -122,7 +131,7 @@ def _velocity(before: float, after: float, width_before: float, width_after: flo
 
 
 def _eased(x: float, easing: Easing) -> float:
-    """Return the share of the way from one key to the next, from the share of the time. Both are in [0, 1]."""
+    """Return the share of the way from one key to the next at a share `x` of the time. Both shares are in [0, 1]."""
     if easing == "smooth":
         return x * x * (3.0 - 2.0 * x)
     if easing == "in":
@@ -131,7 +140,10 @@ def _eased(x: float, easing: Easing) -> float:
 
 
 def _direction_between(before: Sequence[float], after: Sequence[float], x: float) -> tuple[float, ...]:
-    """Return a unit vector on the great circle between two directions; if these are opposite, on any great circle."""
+    """Return the unit vector at a share `x` of the great circle from one direction to another.
+
+    Between opposite directions, an arbitrary great circle is taken.
+    """
     start, end = _unit(before), _unit(after)
     cosine = sum(a * b for a, b in zip(start, end, strict=True))
     aside = [b - cosine * a for a, b in zip(start, end, strict=True)]
@@ -150,7 +162,7 @@ def _unit(vector: Sequence[float]) -> tuple[float, ...]:
     return tuple(part / length for part in vector)
 
 
-# Numbers in values
+# Numbers inside of values, such as those of a colour or a control point
 
 
 def numbers_in(value: object) -> Iterator[float]:
@@ -170,7 +182,10 @@ def shape_of(value: object) -> object:
 
 
 def _with_numbers(value: Any, numbers: Iterator[float], half: float) -> Any:
-    """Return a value with other numbers. In place of a whole number comes the new one plus `half`, rounded down."""
+    """Return a value with `numbers` in the place of its numbers.
+
+    A number that takes the place of a whole one is made whole: `half` is added to it, and the sum is rounded down.
+    """
     if isinstance(value, bool):
         return value
     if isinstance(value, int):
@@ -195,7 +210,7 @@ def _with_parts(value: Any, parts: Sequence[object]) -> Any:
     return replace(value, **dict(zip(names, parts, strict=True)))
 
 
-# Values that move
+# Parts of a scene whose values move
 
 
 @dataclass(frozen=True)
@@ -235,7 +250,7 @@ class OverFrames(Generic[T]):
 
     @property
     def changing_frames(self) -> list[tuple[int, int]]:
-        """Return runs of frames, as (first, last), on which some value differs from its value one frame before."""
+        """Return ranges of frames, as (first, last), on which some value differs from its value one frame before."""
         found = {
             frame
             for motion in motions_in(self._value)
@@ -248,7 +263,7 @@ class OverFrames(Generic[T]):
 
 
 def value_at(value: T | Motion[T], frame: float) -> T:
-    """Return the value at a frame of a motion, or a plain value as it is."""
+    """Return the value of a motion at a frame; return a value that is no motion unchanged."""
     return value.at(frame) if isinstance(value, Motion) else value
 
 
@@ -274,7 +289,7 @@ def motions_in(value: object) -> Iterator[Motion[Any]]:
 
 
 def is_plain(*values: object) -> bool:
-    """Return whether no value is, or has in it, a motion."""
+    """Return whether none of the values is a motion or contains one."""
     return not any(motions_in(values))
 
 
@@ -297,12 +312,15 @@ def at_keys(function: Callable[[Any], Any], value: Any) -> Any:
 
 
 def moving_result(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return the result of a function for arguments that may move. The function is affine in each argument."""
+    """Return the result of a function for arguments that may move: a motion if any of them does.
+
+    The function must be affine in each argument, so that the result is right between keys, too.
+    """
     found = list(motions_in(arguments))
     if not found:
         return function(*arguments)
     motion, frames = found[0], sorted({frame for each in found for frame in each.frames})
-    if len(found) > 1:  # a product of two motions is not affine in the frame
+    if len(found) > 1:  # a product of two motions is not affine in the frame, so each frame is a key
         motion, frames = Motion((), ()), list(range(frames[0], frames[-1] + 1))
     made = tuple(function(*values_at(arguments, frame)) for frame in frames)
     return moving(Motion(tuple(frames), made, motion.easing, motion.kind, motion.is_closed))

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Literal
 
-# x264's and x265's outputs depend on the number of threads, which by default is the number of cores.
+# The option of encoders for the same 4 threads on every machine: the bytes of a film may depend on the number of
+# threads, which by default is the number of cores.
 _THREADS = ("-threads", "4")
-# x264's defaults keep the look of grain, which renderings do not have, at the cost of exact pixels. With these, films
-# of three scans were 0.4 to 0.7 dB closer to their frames at equal size. Without any adaptive quantisation (AQ) it
-# would be more, but at quality 2 a third of the black background would be lit.
+# The settings of x264. Its defaults keep the look of grain, which renderings do not have, at the cost of exact pixels.
+# With these settings, films of three scans were 0.4 to 0.7 dB closer to their frames at equal size. Without adaptive
+# quantisation (AQ) they would be closer still, but at quality 2 a third of the black background would not be black.
 _X264_PARAMS = "psy=0:aq-strength=0.7:chroma-qp-offset=-4"
 _X265_PARAMS = "log-level=error:pools=4:frame-threads=1:psy-rd=0:psy-rdoq=0"
 
@@ -87,7 +88,7 @@ class OutputFormat:
     name: the format's name, with an article. begins, ends: the first and the last bytes of a file.
     codecs: the encoders by their names in scenes, the default first; empty if each frame is a file.
     pixel_formats: the pixel formats of a format in which each frame is a file.
-    muxer, demuxer: their names in ffmpeg; the muxer with its options.
+    muxer, demuxer: ffmpeg's options for writing the format, and ffmpeg's name of the reader of the format.
     filters: the conversion before encoding: to YUV in the `limited` or the `full` range, to a `palette`, or none.
     has_alpha_plane: whether a file holds alpha as a second film.
     max_rate: the most frames per second. ticks_per_second: the unit of delays, which are whole numbers of ticks.
@@ -117,8 +118,9 @@ class OutputFormat:
         return self.is_frames or bool(next(iter(self.codecs.values())).with_alpha)
 
 
-# The first bytes of files of ISO formats (MP4, MOV, AVIF), and of PNG files.
+# The first bytes of files of the ISO base media format: MP4, MOV and AVIF.
 _ISO_FILE = re.compile(rb"....ftyp", re.DOTALL)
+# The first bytes of PNG and APNG files.
 _PNG_FILE = re.compile(rb"\x89PNG\r\n\x1a\n")
 _ISO_OPTIONS = ("-movflags", "+faststart")
 
@@ -135,7 +137,7 @@ FORMATS: Mapping[str, OutputFormat] = {
         "a MOV", "video/quicktime", _ISO_FILE, {"prores": _PRORES, "hevc": _HEVC, "h264": _H264},
         muxer=(*_ISO_OPTIONS, "-f", "mov"), demuxer="mov",
     ),
-    # A GIF's delay is a whole number of centiseconds. Browsers show delays of up to 10 ms as 100.
+    # A GIF's delay is a whole number of hundredths of a second. Browsers show a delay of up to 10 ms as one of 100 ms.
     ".gif": OutputFormat(
         "a GIF", "image/gif", re.compile(rb"GIF8[79]a"), {"gif": _GIF}, muxer=("-loop", "0", "-f", "gif"),
         demuxer="gif", filters="palette", ends=b";", max_rate=50, ticks_per_second=100,
@@ -161,7 +163,7 @@ FRAME_SUFFIXES = tuple(suffix for suffix, each in FORMATS.items() if each.is_fra
 
 
 def output_suffix(file: PurePath | str) -> str:
-    """Return the suffix of a file that determines its format. It may be unknown."""
+    """Return the suffix of a file, in lower case, which determines the file's format. It may be an unknown one."""
     return PurePath(file).suffix.lower()
 
 

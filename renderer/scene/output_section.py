@@ -17,12 +17,13 @@ from renderer.scene.motion import Motion, at_keys, value_at
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
 from renderer.scene.schema import INVALID, Color, TreeNode
 
-# The frame number in file names, padded with zeros to at most nine digits, so that names sort in frame order.
+# The field of a file's name that the frame's number replaces, such as {frame:04}. Zeros before the number fill it to at
+# most nine digits, so that names sort in frame order.
 FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
 # The largest width or height of a picture, in pixels.
 MAX_SIDE = 16384
-# The keys of an encoder, which other formats do not have.
+# The keys of an output that choose and set its encoder. An output of another format cannot take them over.
 _ENCODER_KEYS = ("codec", "crf", "pixel_format")
 # The coarsest constant rate factor of any encoder.
 _MAX_CRF = 63
@@ -43,7 +44,7 @@ def _parse_file(node: TreeNode) -> Any:
         return node.reject("not a file name")
     if schema.has_unexpanded_tilde(node.value):
         return node.reject("a folder named ~", hint=schema.TILDE_HINT)
-    if os.path.basename(node.value) in ("", ".", ".."):  # a Path would drop these names
+    if os.path.basename(node.value) in ("", ".", ".."):  # names that the class Path drops
         return node.reject("the output is a folder")
     path = Path(node.value)
     if output_suffix(path) not in FORMATS:
@@ -58,7 +59,7 @@ def _parse_file(node: TreeNode) -> Any:
 
 
 def _parse_background(node: TreeNode) -> Any:
-    if isinstance(node.value, tuple) and len(node.value) == 2:  # between keys of a gradient that moves
+    if isinstance(node.value, tuple) and len(node.value) == 2:  # a gradient that moves, between two of its keys
         return node.value
     if not isinstance(node.value, Mapping):
         return _COLOR_OR_NONE.parser(node)
@@ -87,7 +88,7 @@ _FRAME = schema.FieldType[Any]("a frame, -1 for the last one, or seconds such as
 
 
 class PictureKind(NamedTuple):
-    """A kind of pictures, from which output files are made.
+    """A kind of pictures, from which output files are made: their size, background and bit depth.
 
     size: (width, height). depth: the bits of a channel, 8 or 16 for whole numbers, 32 for floats.
     """
@@ -127,7 +128,8 @@ class OutputFile:
     quality: from 0 (smallest file) to 10 (best picture), if the encoder has a choice.
     codec, crf, pixel_format: the encoder, its constant rate factor, and ffmpeg's name of a pixel format; None leaves
         them to the format and the quality.
-    every: the output shows only frames whose numbers are multiples of this. frame: the only frame that it shows.
+    every: the output shows only frames whose numbers are multiples of `every`.
+    frame: the only frame that the output shows; None for all frames.
     """
 
     file: Annotated[Path, OUTPUT_FILE_FIELD]
@@ -157,7 +159,7 @@ class OutputFile:
 
     @property
     def is_numbered(self) -> bool:
-        """Return whether each frame has a numbered file, so that several jobs may share the frames."""
+        """Return whether each frame has a numbered file, so that several jobs may draw different frames of one film."""
         return FRAME_FIELD.search(str(self.file)) is not None
 
     @property
@@ -188,11 +190,11 @@ class OutputFile:
         return PictureKind(self.size, self.background, depth)
 
     def written(self) -> object:
-        """Return the keys of the section with their values."""
+        """Return the section as a scene file has it: its keys with their values."""
         return self._keys()
 
     def _keys(self) -> dict[str, object]:
-        """Return the keys of this file with their values, without `every: 1`."""
+        """Return the keys of this file with their values, as a scene file has them. `every: 1` is left out."""
         values = {each.name: getattr(self, each.name) for each in fields(OutputFile)}
         given = {key: value for key, value in values.items() if value is not None and (key, value) != ("every", 1)}
         return given | {"background": at_keys(_written_background, self.background)}
@@ -204,12 +206,15 @@ class OutputFile:
 
 @dataclass(frozen=True)
 class OutputSpec(OutputFile):
-    """A list of the outputs of one drawing. The first output shows every frame, and has its keys here."""
+    """A list of output files that one drawing fills. The first of them shows every frame.
+
+    The fields of this class are the keys of the first output. others: all further outputs.
+    """
 
     others: tuple[OutputFile, ...] = ()
 
     def written(self) -> object:
-        """Return the keys of the only output with their values, or a list of all outputs."""
+        """Return the section as a scene file has it: the keys of the only output, or a list of all outputs."""
         return [self._keys(), *self.others] if self.others else self._keys()
 
     @property
@@ -288,7 +293,7 @@ _SHARED_KEYS = ("size", "background")
 
 
 def _parse_output(node: TreeNode) -> Any:
-    """Parse one output or a list of outputs. The first output shows all frames."""
+    """Return the outputs that a section `output` describes, with one output or a list of them, or INVALID."""
     nodes = [node]
     if isinstance(node.value, (list, tuple)):
         nodes = [node.child(number, each) for number, each in enumerate(node.value)]
@@ -316,10 +321,10 @@ def _parse_output(node: TreeNode) -> Any:
 
 
 def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
-    """Return a further output with a frame rate. Refuse a size that is no whole fraction of the first output's size.
+    """Return an output after the first one with its frame rate; refuse a size that does not divide the first one's.
 
-    Unless the rate is given, the film of every n-th frame has an n-th of the first output's rate, so that both take as
-    long.
+    Unless the rate is given, the film of every n-th frame has an n-th of the first output's rate, so that both films
+    take equally long.
     """
     factor = first.size[0] // other.size[0]
     if factor < 1 or tuple(factor * side for side in other.size) != first.size:
@@ -351,7 +356,10 @@ OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _par
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that the names of several frames in files have a number. given: the sections of the whole scene."""
+    """Check that the file name of an output with a file for each of several frames has a field for their numbers.
+
+    given: the sections of the whole scene.
+    """
     camera, output = given["camera"], given["output"]
     num_frames = getattr(getattr(camera, "path", None), "frames", INVALID)
     if num_frames is INVALID or not isinstance(output, OutputFile) or output.file is INVALID:
@@ -378,9 +386,9 @@ def first_output(scene: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def only_output(section: Any, suffix: str) -> Any:
-    """Return the first output of an `output` section in plain data, for use with a file of another format.
+    """Return the first output of an `output` section in plain data, whose file is to be replaced by a new one.
 
-    suffix: the suffix of the new file. For another format, the keys of the encoder are left out.
+    suffix: the suffix of the new file. If it has another format, the keys of the encoder are left out.
     """
     first = section[0] if isinstance(section, list) and section else section
     if not isinstance(first, dict) or output_suffix(str(first.get("file"))) == suffix:

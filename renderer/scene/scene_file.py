@@ -23,7 +23,10 @@ from renderer.scene.spec import FilmScene
 
 
 def load_scene(path: Path, **changes: Any) -> FilmScene:
-    """Return the scene in the YAML file `path`; parameters and errors as in `parse_scene_content`."""
+    """Return the scene in the YAML file `path`.
+
+    changes: the other parameters of `parse_scene_content`, which reads the file's content and raises the same errors.
+    """
     return parse_scene_content(read_content(path), path, **changes)
 
 
@@ -104,16 +107,16 @@ class TreeEditor:
 
     def __post_init__(self) -> None:
         self._problems: list[tuple[_Origin, Problem]] = [*self.tree.problems]
-        # Where the value at each path was written.
+        # For each path, where its value was written: a location in the file, or the number of an option.
         self._writers: dict[str, yaml_tree.SourceLocation | int] = {**self.tree.locations}
         self._options: list[str] = []
 
     def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | str | None) -> None:
-        """Apply `--set`, `--volume` and `--output`, in this order."""
+        """Change the tree by the values of the options `--set`, `--volume` and `--output`, in this order."""
         for override in overrides:
             self._override(override)
         if volume is not None:
-            section = self.tree.data.get("volume")  # all other keys of the volume remain
+            section = self.tree.data.get("volume")  # only the source is replaced; other keys of the volume remain
             others = section.items() if isinstance(section, dict) else ()
             self.tree.data["volume"] = {key: value for key, value in others if key not in _SOURCES}
             self._set(["volume", "file"], str(volume.absolute()), self._option(f"--volume {volume}"))
@@ -123,7 +126,7 @@ class TreeEditor:
 
     @property
     def overridden_paths(self) -> list[str]:
-        """Return the paths that options have written."""
+        """Return the dotted paths of the keys that options have written."""
         return [path for path, writer in self._writers.items() if isinstance(writer, int)]
 
     def parse(self, *, is_single_frame: bool = False) -> FilmScene:
@@ -145,19 +148,19 @@ class TreeEditor:
         return [self._located(*item) for item in sorted(found, key=_sort_key)]
 
     def _option(self, text: str) -> int:
-        """Return the number of the next option."""
+        """Keep the text of the next option, and return the option's number."""
         self._options.append(text)
         return len(self._options) - 1
 
     def _override(self, text: str) -> None:
-        """Apply `path.to.key=value`."""
+        """Apply the option `--set path.to.key=value`. text: `path.to.key=value`."""
         option = self._option(f"--set {text}")
         name, equals, value_text = text.partition("=")
         parts = name.strip().split(".")
         if not equals or not all(parts):
             self._problems.append((option, Problem("", "not an override", expected="--set path.to.key=value")))
             return
-        if value_text.strip().startswith("#"):  # a color and not a comment
+        if value_text.strip().startswith("#"):  # the value is a color, which YAML would take for a comment
             self._set(parts, value_text.strip(), option)
             return
         try:
@@ -226,7 +229,7 @@ class TreeEditor:
         return writer.key if problem.at_key or path != problem.path else writer.value, problem
 
     def _located(self, origin: _Origin, problem: Problem) -> Problem:
-        """Return the problem with its location and, if that is in the file, the line itself."""
+        """Return the problem with its location and, if the location is in the file, the text of the line there."""
         if isinstance(origin, int):
             return replace(problem, location=self._options[origin])
         what = yaml_tree.with_excerpt(problem.what, self.tree.lines, origin)
@@ -234,7 +237,7 @@ class TreeEditor:
 
 
 def _sort_key(item: tuple[_Origin, Problem]) -> tuple[int, int, int]:
-    """Sort problems by line and column; problems of options come last."""
+    """Return the key that sorts problems by line and column, and puts problems of options last."""
     origin, _ = item
     if isinstance(origin, int):
         return 1, origin, 0

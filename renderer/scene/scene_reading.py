@@ -21,7 +21,7 @@ from renderer.scene.schema import INVALID
 from renderer.scene.spec import SECTIONS, FilmScene, Scene, film_scene
 from renderer.scene.volume_section import WITHOUT_TRANSFER
 
-# The most key frames at which the values of a scene are compared with each other.
+# The largest number of key frames at which the values of a scene are compared with each other.
 _MOST_CHECKED = 64
 
 
@@ -52,7 +52,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> F
 
 
 def _film_time(tree: object) -> schema.FilmTime:
-    """Return the number of frames of a scene, and their rate, as far as the scene gives them."""
+    """Return the number of frames of a scene's film, or None if it is not given, and their rate, or the default."""
     sections, film = tree if isinstance(tree, Mapping) else {}, schema.FilmTime(None, OutputSpec.frames_per_second)
     output, camera = (schema.TreeNode(sections.get(key), "", [], film=film) for key in ("output", "camera"))
     found: Any = SECTIONS["output"].read(output)
@@ -85,7 +85,7 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
         for number, layer in enumerate(scene.layers if has_plain_values else ()):
             place = partial(scene.layer_key, number)
             problems += proportion_problems(layer.volume, scene.camera, scene.output.size, place)
-        if node.film is not None and node.film.at is None:  # at a single frame, nothing moves
+        if node.film is not None and node.film.at is None:  # in a scene that is read at one frame, nothing moves
             section = node.child("annotation", tree.get("annotation"))
             moving = moving_values(film_scene(scene), 0) if scene.annotation.time is not None else {}
             check_annotation(section, scene.annotation, len(scene.layers), moving)
@@ -93,7 +93,7 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
 
 
 def _required_keys(tree: Mapping[str, object]) -> list[str]:
-    """Return the keys that a scene must have, in their order."""
+    """Return the keys that this scene must have, in the order of a scene file."""
     volume = tree.get("volume")
     has_own_look = isinstance(volume, Mapping) and volume.get("component") in WITHOUT_TRANSFER
     if "volumes" in tree:
@@ -105,7 +105,7 @@ def _required_keys(tree: Mapping[str, object]) -> list[str]:
     return [*of_volumes, "camera", "output"]
 
 
-# Hints for keys that users put at the top level: where they belong, or their names today.
+# Hints for keys that users wrongly write at the top level of a scene: the section of each key, or its name today.
 _MISPLACED_KEY_HINTS = {
     key: f"did you mean {place}.{key}?"
     for place, keys in {

@@ -18,7 +18,10 @@ class _Written(Protocol):
     """A part of a scene that is written with other keys than the names of its fields."""
 
     def written(self) -> object:
-        """Return the keys with their values, which may be parts of a scene or motions; or a single value."""
+        """Return this part as a scene file has it: keys with their values, or a single value.
+
+        Values may be parts of a scene, or motions.
+        """
 
 
 def scene_to_dict(scene: FilmScene) -> dict[str, Any]:
@@ -31,7 +34,7 @@ def scene_to_dict(scene: FilmScene) -> dict[str, Any]:
 
 
 def moving_values(scene: FilmScene, frame: int) -> dict[str, object]:
-    """Return the values at a frame of all that moves in a scene: plain data by dotted keys."""
+    """Return the values that move in a scene, as they are at a frame: plain data by their dotted keys."""
 
     def differences(film: object, now: object, path: str) -> Iterator[tuple[str, object]]:
         if isinstance(film, list) and isinstance(now, list) and len(film) == len(now):
@@ -47,7 +50,10 @@ def moving_values(scene: FilmScene, frame: int) -> dict[str, object]:
 
 
 def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a scene as plain data without the keys of its volumes that name voxels and choose a part of them."""
+    """Return the plain data of a scene without the keys of volumes that name voxels or choose some of them.
+
+    tree: the plain data of the scene, which stays unchanged.
+    """
 
     def own(entry: Mapping[str, Any]) -> dict[str, Any]:
         mask = _without(entry.get("mask", {}), VOLUME_TABLE)
@@ -60,7 +66,7 @@ def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def spec_to_dict(value: object) -> dict[str, Any]:
-    """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data. See `scene_to_dict`.
+    """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data for JSON or YAML.
 
     value: the part at a frame, or over all frames of the film.
     """
@@ -73,7 +79,7 @@ def _without(plain: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
 
 
 def _plain(value: object) -> Any:
-    """Return a part of a scene as plain data. A value None stands for a key that is not given."""
+    """Return a part of a scene as plain data. Keys with the value None are left out."""
     if isinstance(value, Motion):
         return motion_to_dict(value, _plain)
     if isinstance(value, Mapping):

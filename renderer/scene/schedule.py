@@ -14,25 +14,26 @@ from renderer.scene.spec import AnyScene
 
 
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
-    """Return the tolerance of a frame. There must be no goal any more."""
+    """Return the tolerance of a frame, from a schedule whose goal has been replaced by tolerances."""
     assert error.goal is None, f"to be resolved first: {error.goal}"
     return value_at(error.tolerance, frame)
 
 
 def accuracy_of(error: ErrorSpec) -> ErrorSpec:
-    """Return the `error` section with the requested tolerance or goal alone."""
+    """Return an `error` section that has only the tolerance or the goal of this one."""
     return ErrorSpec(error.tolerance) if error.goal is None else ErrorSpec(goal=error.goal)
 
 
 def is_film_wide_goal(error: ErrorSpec) -> bool:
-    """Return whether the goal is about all frames together, so that some frames cannot show whether it is met."""
+    """Return whether the goal is for all frames of a film together, so that some frames cannot show if it is met."""
     return isinstance(error.goal, (MetricTarget, TimeBudget))
 
 
 def with_draw_order(scene: AnyScene) -> AnyScene:
-    """Return the scene with a single order of its splats, `unmixed`, if it has a time budget; else the same scene.
+    """Return the scene, with draw order `unmixed` in place of `depth` if its goal is a budget of seconds.
 
-    Drawing some frames in a second order would double their time, or need a far coarser cut, which flickers.
+    With `depth`, some frames are drawn in two orders and mixed. That would double their time, or need a far coarser
+    cut, which flickers.
     """
     if isinstance(scene.error.goal, TimeBudget) and scene.draw_order == "depth":
         return scene.changed(lambda each: replace(each, splat=replace(each.splat, order="unmixed")))
@@ -40,13 +41,13 @@ def with_draw_order(scene: AnyScene) -> AnyScene:
 
 
 def min_tolerance(error: ErrorSpec) -> float:
-    """Return the smallest tolerance of any frame; 0 with a goal."""
+    """Return the smallest tolerance of any frame; 0 if the schedule has a goal in place of tolerances."""
     tolerance = error.tolerance
     return 0.0 if error.goal else min(tolerance.values) if isinstance(tolerance, Motion) else tolerance
 
 
 def with_error(scene: AnyScene, **changes: Any) -> AnyScene:
-    """Return the scene with other values in its `error`."""
+    """Return the scene with other values for some keys of its `error` section."""
     return scene.changed(lambda each: replace(each, error=replace(each.error, **changes)))
 
 
@@ -61,7 +62,7 @@ def with_tolerances(scene: AnyScene, tolerances: Mapping[int, float]) -> AnyScen
 
 
 def schedule_from_tolerances(tolerances: Mapping[int, float]) -> float | Motion[float]:
-    """Return a tolerance that moves and has exactly these values at these frames, which ascend."""
+    """Return a tolerance that moves and has exactly these values at these frames. The frames must ascend."""
     frames, values = zip(*(next(run) for _, run in groupby(tolerances.items(), key=itemgetter(1))), strict=True)
     tolerance: float | Motion[float] = moving(Motion(frames, values, "hold", "ratio"))
     return tolerance

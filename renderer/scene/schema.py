@@ -40,7 +40,7 @@ Vector = tuple[float, float, float]
 Color = tuple[float, float, float]
 
 # The shortest spacing or length in a scene: an atom in light years is longer. Squares, cubes and products of lengths
-# between the two bounds are far from float64's limits.
+# from MIN_WORLD_LENGTH to MAX_WORLD_LENGTH are far from float64's limits.
 MIN_WORLD_LENGTH = 1e-30
 # The longest spacing or length in a scene: the universe in picometres is shorter.
 MAX_WORLD_LENGTH = 1e30
@@ -52,7 +52,7 @@ TILDE_HINT = "~ is not expanded: write the whole path"
 
 
 def is_file_name(value: object) -> TypeGuard[str]:
-    """Return whether a value may name a file on this system: half of a surrogate pair may not."""
+    """Return whether a value is a text that can name a file on this system. Half a surrogate pair cannot be in it."""
     try:
         return isinstance(value, str) and bool(value.strip()) and b"\0" not in os.fsencode(value)
     except UnicodeEncodeError:
@@ -64,7 +64,7 @@ def has_unexpanded_tilde(name: str) -> bool:
     return name == "~" or name.startswith("~/")
 
 
-# Scalars
+# Types of scalars: numbers, text, words
 
 
 def number_field(
@@ -76,11 +76,12 @@ def number_field(
     is_whole: bool = False,
     motion: MotionKind | None = "linear",
 ) -> FieldType[Any]:
-    """Return the type of a finite number; `minimum` and `maximum` are allowed, `above` is not.
+    """Return the type of a finite number from `minimum` to `maximum` that is greater than `above`.
 
-    Text that spells a number is taken as one, because YAML 1.1 reads `1e-3` as text.
-    zero_hint: for a 0 that is out of range. is_whole: only whole numbers are allowed, such as 120, `1e3` and `120.0`.
-    motion: see FieldType.
+    Text that spells a number is taken as a number, because YAML 1.1 reads `1e-3` as text.
+    zero_hint: the hint for a 0 that is out of range.
+    is_whole: whether only whole numbers are allowed, such as 120, `1e3` and `120.0`.
+    motion: how numbers move between two keys; None if they cannot move.
     """
     noun = "whole number" if is_whole else "number"
 
@@ -128,7 +129,7 @@ def _as_float(value: object) -> float | None:
 
 
 def parse_whole_number(value: object) -> int | None:
-    """Return the whole number that a value is or, as text, spells; None for others."""
+    """Return the whole number that a value is or, as text, spells; None for any other value."""
     if isinstance(value, int) and not isinstance(value, bool):
         return value
     as_float = _as_float(value)
@@ -159,7 +160,7 @@ def text_field(expected: str, what: str, is_valid: Callable[[str], object]) -> F
 
 
 def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> FieldType[Any]:
-    """Return the type of one of `names`; `aliases` maps other programs' words to ours, for hints."""
+    """Return the type of a text that is one of `names`. aliases: other programs' words for these names, for hints."""
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, str):
@@ -174,7 +175,10 @@ def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> Field
 
 
 def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> FieldType[Any]:
-    """Return the type of one of `words`, each with its value, or of a value of another type."""
+    """Return the type of a value that is written as one of some words, or as a value of the type `other`.
+
+    words: the words, each with the value that it stands for.
+    """
 
     def parse(node: TreeNode) -> Any:
         if isinstance(node.value, str) and node.value in words:
@@ -184,7 +188,7 @@ def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> F
     return FieldType(expected, parse, other.empty_hint, other.motion)
 
 
-# Lists and mappings
+# Types of lists and mappings
 
 
 def sequence_field(
@@ -196,11 +200,12 @@ def sequence_field(
     check: Callable[[TreeNode, tuple[Any, ...]], Any] | None = None,
     motion: MotionKind | None = None,
 ) -> FieldType[Any]:
-    """Return the type of a list of `count` items, or of one or more unless it `may_be_empty`; wrong items are INVALID.
+    """Return the type of a list of items of one type. A wrong item becomes INVALID.
 
+    count: the number of items; None for one item or more, or none if the list `may_be_empty`.
     check: a function that returns the items, or INVALID. It is called if every item is right and none moves; items that
         move are checked at their keys.
-    motion: how the list moves; by default, as its items do.
+    motion: how the list moves between two keys; by default, as its items do.
     """
 
     def parse(node: TreeNode) -> Any:
@@ -218,7 +223,7 @@ POINT_FIELD = sequence_field(COORDINATE_FIELD, "[x, y, z] in world units", count
 
 
 def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> FieldType[Any]:
-    """Return the type of a list of two items of these types."""
+    """Return the type of a list of two items. first, second: the types of the items."""
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, (list, tuple)) or len(node.value) != 2:
@@ -229,7 +234,10 @@ def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> 
 
 
 def mapping_field(item: FieldType[T], expected: str = "a mapping", key_name: str = "text") -> FieldType[dict[str, T]]:
-    """Return the type of a mapping from any texts to items; wrong items are INVALID. key_name: for messages on keys."""
+    """Return the type of a mapping from any texts to items of one type. A wrong item becomes INVALID.
+
+    key_name: the words of messages for a key that is no text.
+    """
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, Mapping):
@@ -249,10 +257,10 @@ def section_field(
     required: Collection[str] = (),
     misplaced_hints: Mapping[str, str] | None = None,
 ) -> FieldType[T]:
-    """Return the type of a mapping with the keys of `table`; `build` checks the given values together and makes the
-    result.
+    """Return the type of a mapping with the keys of `table`.
 
-    misplaced_hints: as in `read_fields`.
+    build: a function that checks the given values together, and makes the result of them.
+    misplaced_hints: hints for keys that belong in another place.
     """
 
     def read(node: TreeNode) -> T:
@@ -264,7 +272,10 @@ def section_field(
 def dataclass_field(
     cls: Callable[..., T], check: Callable[[TreeNode, dict[str, Any]], object] | None = None
 ) -> FieldType[T]:
-    """Return the type of a mapping whose keys are the fields of a dataclass; `check` compares the given values."""
+    """Return the type of a mapping whose keys are the fields of a dataclass. It is read as an instance of the class.
+
+    check: a function that compares the given values with each other, and adds problems.
+    """
 
     def build(node: TreeNode, given: dict[str, Any]) -> T:
         if check is not None:
@@ -285,8 +296,9 @@ def field_table(cls: Any) -> dict[str, FieldType[Any]]:
 
 
 def _field_type(hint: Any) -> FieldType[Any] | None:
-    """Return the type that a hint declares or says: a boolean, text, one of a Literal's words, another dataclass,
-    or a list of any number of these.
+    """Return the field type that a type hint has as an annotation, or that follows from the hint; None if none does.
+
+    It follows for a boolean, text, one of a Literal's words, another dataclass, or a list of any number of these.
     """
     if get_origin(hint) is Annotated:
         declared = (item for item in hint.__metadata__ if isinstance(item, FieldType))
@@ -321,7 +333,7 @@ def read_fields(
     required: Collection[str] = (),
     misplaced_hints: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """Return the values of a mapping's known keys, and add problems for unknown and missing ones.
+    """Return the values of a mapping's known keys, and add problems for unknown and missing keys.
 
     Optional keys that are not given are not in the result, so that the dataclass supplies their defaults.
     misplaced_hints: hints for keys that belong in another place.
@@ -340,7 +352,7 @@ def read_fields(
         if value is None and type(key) is int:  # YAML reads {opacity: 0,5} as a key `opacity` and a key 5
             hint = "decimals come after a point; in {...} and [...] a comma begins what comes next"
         node.key(key).reject("unknown key", expected=join_words(table), hint=hint)
-        if close and close not in node.value:  # a misspelt key is not missing, too
+        if close and close not in node.value:  # a misspelt key is not also reported as missing
             given[close] = INVALID
     for key in required:
         if key not in given:
@@ -352,7 +364,10 @@ def read_fields(
 def read_option(
     field: FieldType[T], value: object, location: str, problems: list[Problem], film: FilmTime | None = None
 ) -> T:
-    """Return a value from outside of a scene, read as a field. Its problems, with `location`, go to `problems`."""
+    """Return the value that a field type reads from a value outside of a scene, such as an option.
+
+    Its problems are added to `problems`, with `location` as their place.
+    """
     found: list[Problem] = []
     result = field.read(TreeNode(value, "", found, film=film))
     problems += [replace(problem, location=location) for problem in found]

@@ -12,7 +12,7 @@ from renderer.scene.error_section import ErrorSpec, SplatBudget
 from renderer.scene.message_text import format_value
 from renderer.scene.schema import INVALID, TreeNode
 
-# The largest exponent of a highlight.
+# The largest exponent of a highlight: the larger the exponent, the smaller the highlight.
 MAX_SHININESS = 1000.0
 # The depth behind a face cut by clipping, in finest spacings, down to which points are lit by the face's normal.
 FACE_DEPTH = 2.5
@@ -46,17 +46,19 @@ class ShadingSpec:
 
     light: points from the object to the light, in world axes; "camera" is light from the viewer. The colour of a point
         with the normal n, with l towards the light and h halfway between l and the direction to the viewer, is
-        `color (ambient + diffuse max(0, n . l)) + specular max(0, n . h)^shininess`, the last only where n . l > 0.
-    two_sided: takes both products without their signs. gradient_opacity: pairs of a gradient's magnitude, in scalar
-        units per world unit, and of the factor on extinction there; linear in between, constant outside.
+        `color (ambient + diffuse max(0, n . l)) + specular max(0, n . h)^shininess`. The specular term counts only
+        where n . l > 0.
+    two_sided: whether n . l and n . h are taken without their signs. gradient_opacity: pairs of a gradient's magnitude,
+        in scalar units per world unit, and of the factor on extinction there; linear in between, constant outside.
     occlusion: how strongly the surroundings of a point dim its ambient light. shadow: how strongly the volume dims the
         diffuse light of a fixed light (`renderer.lighting`).
     occlusion_radius: how far occlusion sees, in world units; None is a tenth of the volume's diagonal.
-    silhouette: s in the factor `1 - s (1 - |n . v|)^3` on the lit colour, v to the viewer; it is 1 without a gradient.
+    silhouette: s in the factor `1 - s (1 - |n . v|)^3` on the lit colour, where v points to the viewer. The factor is 1
+        where the gradient is 0.
     cut_faces: points near a face that clipping cuts are lit by the normal of this face. A plane or a box removes a
         convex set, an inverted box removes six. At the distance d from such a set, in finest spacings, its face has the
-        weight `w = max(0, 1 - (d / FACE_DEPTH)^2)^3`, with n to the nearest point of the set. Faces have the share
-        `1 - product of (1 - w)` of the light, each in proportion to its weight, and the gradient has the rest.
+        weight `w = max(0, 1 - (d / FACE_DEPTH)^2)^3`, and its n points to the nearest point of the set. Faces have the
+        share `1 - product of (1 - w)` of the light, each in proportion to its weight; the gradient has the remainder.
     """
 
     ambient: Fraction = 0.3
@@ -74,17 +76,17 @@ class ShadingSpec:
 
     @property
     def lambert(self) -> ShadingSpec | None:
-        """Return this shading if it is plain Lambert shading by a fixed light, which cells can store; else None."""
+        """Return this shading if it is Lambert shading by a fixed light, which colours of cells can hold; else None."""
         return None if self.is_pointwise else self
 
     @property
     def is_pointwise(self) -> bool:
-        """Return whether each sample must be shaded, as the shading is more than Lambert's by a fixed light."""
+        """Return whether each sample must be shaded, as the shading is more than Lambert shading by a fixed light."""
         return bool(pointwise_keys(self))
 
     @property
     def has_light_grid(self) -> bool:
-        """Return whether the shading needs a grid of the light that reaches each place."""
+        """Return whether the shading needs a light grid: the share of the light that reaches each cell of a grid."""
         return self.occlusion > 0 or self.shadow > 0
 
     @property
@@ -113,7 +115,7 @@ def pointwise_keys(shading: ShadingSpec) -> list[str]:
 
 
 def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
-    """Refuse sections that contradict the scene's `shading`, which is at `node`. given: the scene's sections."""
+    """Refuse keys of the section `shading`, at `node`, that contradict other sections. given: the scene's sections."""
     shading, error = given.get("shading"), given.get("error")
     if not isinstance(shading, ShadingSpec):
         return

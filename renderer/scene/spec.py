@@ -100,8 +100,8 @@ class FilmScene(ABC):
     def changed(self: AnyScene, edit: Callable[..., Scene], *others: FilmScene) -> AnyScene:
         """Return a scene with other sections.
 
-        edit: a function of the sections of this scene and of `others`. It returns the first with some sections
-            replaced, and must not calculate with values, as they may be motions.
+        edit: a function that takes the sections of this scene, and then those of each of `others`. It returns the
+            sections of this scene, some of them replaced. It must not calculate with values, as they may be motions.
         """
         sections = edit(self._sections, *(other._sections for other in others))
         changed: Any = film_scene(sections)
@@ -128,7 +128,7 @@ class FilmScene(ABC):
 
     @property
     def film_layers(self) -> tuple[OverFrames[LayerSpec], ...]:
-        """Return the layers over the frames of the film."""
+        """Return each layer of the scene over all frames of the film."""
         return tuple(map(OverFrames, self._sections.layers))
 
     @property
@@ -151,7 +151,7 @@ class FilmScene(ABC):
 
     @property
     def draw_order(self) -> str:
-        """Return the order in which splats are drawn."""
+        """Return the order in which splats are drawn: `depth`, `unmixed` or `boxes`."""
         return self._sections.splat.order
 
     @property
@@ -228,7 +228,7 @@ class Scene(FilmScene):
     shared: SharedKeys | None = None
 
     def with_layers(self, **changes: Any) -> Scene:
-        """Return the scene with other values in these fields of all its layers."""
+        """Return the scene with the given values in fields of all its layers. changes: values by names of fields."""
         return replace(self, layers=tuple(replace(layer, **changes) for layer in self.layers))
 
     def written(self) -> dict[str, object]:
@@ -249,17 +249,17 @@ class Scene(FilmScene):
         return self
 
     def at(self, frame: int) -> Scene:
-        """Return the scene itself: nothing moves."""
+        """Return this scene, whichever frame is asked for, as nothing in it moves."""
         return self
 
     @property
     def background(self) -> Background:
-        """Return the background of the first output."""
+        """Return the background of the scene's first output."""
         return self.output.background_at(0)
 
     @property
     def key_for_bricks(self) -> str | None:
-        """Return a key of the scene that only bricks can show; None without one."""
+        """Return a key of the scene that only bricks can show; None if splats can show all keys."""
         first = self.layers[0]
         asks = {
             "mode": self.mode.is_projection,

@@ -22,7 +22,8 @@ _HINTS_INTEGRATED = _HINTS_GOURAUD | {
 }
 _ALIASES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
 _WEIGHT = schema.number_field(minimum=0, maximum=1)
-# The least weight that a profile must reach at a radius of the footprint: weights are divided by the largest one.
+# At one of the radii k / radial, at which the gouraud footprint has vertices, a profile must have at least this weight:
+# all weights are divided by the largest weight there.
 MIN_PROFILE_WEIGHT = 1e-6
 _PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
 _PROFILE = schema.sequence_field(
@@ -35,9 +36,11 @@ class SplatSpec:
     """A primitive to draw, and its parameters.
 
     footprint: `integrated`, the default of a scene, integrates the field through bricks of cells in their exact order
-        and has no other settings; a section that sets anything asks for splats. sigma: the standard deviation of the
-        footprint in cells. angular, radial, profile: the shape of the `gouraud` footprint; `profile` holds pairs of
-        radius and weight, both in [0, 1], with the radius from 0 to 1.
+        and has no other settings. `gaussian` and `gouraud` draw splats; `gaussian` is the default of a `splat` section
+        with any key.
+    sigma: the standard deviation of the `gaussian` footprint, in cells.
+    angular, radial: the `gouraud` footprint is a disc of triangles with `radial` rings of `angular` vertices.
+    profile: pairs of radius and weight of the `gouraud` footprint, both in [0, 1], with the radius from 0 to 1.
     """
 
     footprint: Annotated[Footprint, schema.choice_field(*get_args(Footprint), aliases=_ALIASES)] = "gaussian"
@@ -60,13 +63,16 @@ class SplatSpec:
 
 
 def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
-    """Build the section. A section with any key asks for splats, so an empty one has no effect."""
+    """Return the primitive that the section `splat` describes. Keys that its footprint does not have are refused.
+
+    A section with any key asks for splats; an empty section has no effect.
+    """
     if not given:
         return SplatSpec("integrated")
     footprint = given.get("footprint", SplatSpec.footprint)
     hints = unused_splat_keys(footprint)
     for key in schema.valid_keys(given, *hints):
-        if given[key] == getattr(SplatSpec, key):  # a sidecar has all defaults
+        if given[key] == getattr(SplatSpec, key):  # a default is no contradiction: sidecars have all defaults
             continue
         if "footprint" in given:
             node.key(key).reject(f"contradicts footprint: {footprint}", hint=hints[key])
@@ -81,7 +87,7 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
 
 
 def unused_splat_keys(footprint: str) -> dict[str, str]:
-    """Return the keys that mean nothing for a footprint, with a hint for each."""
+    """Return the keys of the section `splat` that have no effect on a footprint, with a hint for each."""
     return {"gaussian": _HINTS_GOURAUD, "integrated": _HINTS_INTEGRATED}.get(footprint, {})
 
 

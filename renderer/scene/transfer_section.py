@@ -42,9 +42,9 @@ COLORMAP_FIELD = schema.FieldType("a name such as viridis, gray, cividis_r or cr
 
 @dataclass(frozen=True)
 class ControlPoint:
-    """A colour and an opacity (in [0, 1], per `TransferSpec.unit`) at a scalar value, in data units.
+    """A colour and an opacity at a scalar value, which is in the units of the voxels.
 
-    Only projections may leave opacities out.
+    opacity: in [0, 1], over the length `TransferSpec.unit`. Only projections may leave it out.
     """
 
     value: Annotated[float, _NUMBER]
@@ -54,10 +54,10 @@ class ControlPoint:
 
 @dataclass(frozen=True)
 class ColormapSpec:
-    """A named colormap stretched over `range`, with opacity points (value, opacity).
+    """A named colormap stretched over `range`, with opacity points.
 
-    Only projections may leave opacities out. scale: with `log`, colours and opacities are linear in the logarithm of
-    the scalar, and all values are above 0.
+    opacity: pairs (value, opacity). Only projections may leave them out.
+    scale: with `log`, colours and opacities are linear in the logarithm of the scalar, and all values are above 0.
     """
 
     colormap: str
@@ -73,8 +73,8 @@ class ImportedLook:
     name: the name of the preset, or of the file without its folder. file: the path of the file; None for a preset.
     has_opacities: whether the file or the scene gives opacities. shading: the light in the file, as keys of `shading`.
     left_out: clauses on features of the file that hsplat lacks.
-    look, range, opacity: the look and the scene's keys, from which control points are made again when percentiles have
-        been replaced by values.
+    look, range, opacity: the transfer function in the file, and the scene's keys `range` and `opacity`. Control points
+        are made again from them when percentiles have been replaced by values.
     """
 
     name: str
@@ -119,7 +119,7 @@ class TransferSpec:
         return self.mapping is None
 
     def written(self) -> dict[str, object]:
-        """Return the keys of the section with their values."""
+        """Return the section as a scene file has it: its keys with their values."""
         if isinstance(self.mapping, ColormapSpec):
             keys = vars(self.mapping)
         elif isinstance(self.mapping, LabelsSpec):
@@ -197,7 +197,7 @@ def _check_percentiles(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
-    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # `scale: log`
+    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # as in `scale: log`
     if "import" in given:
         for key in schema.valid_keys(given, "points", "colormap", *of_colormap):
             node.key(key).reject(f"contradicts {node.path}.import", expected="one of them")
@@ -296,7 +296,13 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
 
 
 def _place_points(look: Look, span: Any, opacities: Any, scale: float = 1.0, shift: float = 0.0) -> Any:
-    """Return the control points that `place_look` makes of a look. All parameters but the look may move."""
+    """Return the control points of a look, which is a transfer function from a file or a preset.
+
+    span: the range of values that replaces the look's own range, if it is given. scale, shift: the factor on values,
+        and the number that is then added. opacities: pairs (value, opacity) that replace the look's own opacities, if
+        they are given.
+    All parameters but the look may move.
+    """
     from renderer.looks import place_look
 
     def place(span: Any, scale: float, shift: float, opacities: Any) -> tuple[ControlPoint, ...]:
@@ -311,7 +317,10 @@ def _is_valid(value: object) -> bool:
 
 
 def _read_look(node: TreeNode, source: str, name: str | None) -> tuple[Path | None, Look] | None:
-    """Return the file, or None for a preset, and the look in it. After a problem, return None in place of both."""
+    """Return the path of a file, or None for a preset, and the look in it. After a problem, return None for both.
+
+    source: the name of the file or the preset. name: the name of one of several looks in the file.
+    """
     from renderer.looks import MAX_LOOK_BYTES, LookNameError, read_look, read_preset
 
     path = node.base / source
@@ -372,9 +381,10 @@ TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _read_transfer)
 
 
 def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> TransferSpec:
-    """Return a transfer function with its values mapped by a function that does not descend. Labels stay as they are.
+    """Return a transfer function whose scalar values are mapped by a function that does not descend.
 
-    Values that move are mapped at their keys. Of several points that get one value, the first and the last remain.
+    Labels stay as they are. Values that move are mapped at their keys. Of several points that are mapped to one value,
+    the first and the last remain.
     """
 
     def mapped(part: Any) -> Any:
@@ -413,5 +423,5 @@ def _build_labels(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     return TransferSpec(build_labels(node, given), unit)
 
 
-# The key `labels`, which a scene has in place of a transfer function.
+# The type of the key `labels`, which a scene of labels has in place of `transfer_function`.
 LABELS_FIELD = schema.section_field({**LABELS_TABLE, "unit": schema.LENGTH_FIELD}, _build_labels)

@@ -19,11 +19,13 @@ from renderer.scene.motion import EASINGS, Motion, MotionKind, moving, shape_of
 
 T = TypeVar("T")
 
-# The most frames of a film.
+# The largest number of frames of a film.
 MAX_FRAMES = 10**6
-# About the most frames at which the values of a moving list or matrix are checked.
+# A list or a matrix that moves is checked at about this many frames between its keys, or at all of them if these are
+# fewer.
 _MOST_BETWEEN = 100
-# The most mistakes in one map that are reported. Further ones are likely of the same kind.
+# The largest number of mistakes that are reported in one map from frames to values. Further mistakes are likely of the
+# same kind.
 _MOST_PROBLEMS = 20
 
 _FRAME = re.compile(r"-?\d{1,9}|\d{1,9}(\.\d{0,9})?s", re.ASCII)
@@ -38,7 +40,7 @@ INVALID: Any = object()
 class FilmTime:
     """The frames of a film in which values may move, and the motions that were read so far.
 
-    num_frames: None if the number of frames is not known.
+    num_frames: the number of frames; None if it is not known.
     at: the frame at which values are read; None to read motions in place of values.
     keys: the key frames of all motions that were read.
     motions: all motions without problems, by path and by the id of their field type, which is kept with them. So a
@@ -54,7 +56,7 @@ class FilmTime:
 
 @dataclass(frozen=True)
 class TreeNode:
-    """A value, its dotted path, and the list of the problems in the whole tree.
+    """A value in the tree of a scene, its dotted path, and the list of the problems in the whole tree.
 
     base: the folder that files in the tree are relative to.
     is_key: whether the node is the last key of the path, and not its value.
@@ -76,11 +78,17 @@ class TreeNode:
         return TreeNode(value, join_keys(self.path, key), self.problems, self.base, film=self.film)
 
     def key(self, key: object, value: object = None) -> TreeNode:
-        """Return the node of the key `key` itself. value: the key, if its text is checked; None if its presence is."""
+        """Return the node of the key `key` itself, for problems with the key and not with its value.
+
+        value: the key again, if its text is wrong or has to be read; None if the problem is that it is there.
+        """
         return replace(self.child(key, value), is_key=True)
 
     def expecting(self, expected: str) -> TreeNode:
-        """Return the node of the same value, of which a type expects this; it is made for each value that is read."""
+        """Return this node with a description of the values that a type expects.
+
+        It names all fields, as this is faster than `replace` and done for each value that is read.
+        """
         return TreeNode(self.value, self.path, self.problems, self.base, self.is_key, expected, self.words, self.film)
 
     def reject(self, what: str, **parts: str | None) -> Any:
@@ -130,7 +138,7 @@ class FieldType(Generic[T]):
         return value
 
     def parse(self, node: TreeNode) -> T:
-        """Return the checked value, which is not None, or INVALID."""
+        """Return the checked value, or INVALID. The value of the node must not be None, nor a map from frames."""
         return self.parser(node.expecting(self.expected))
 
     def reject(self, node: TreeNode, what: str, **parts: str | None) -> T:
@@ -147,7 +155,7 @@ def still(field: FieldType[T]) -> FieldType[T]:
     return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
 
 
-# Motion
+# Reading of values that move
 
 
 def _may_be_frame(key: object) -> bool:
@@ -155,7 +163,7 @@ def _may_be_frame(key: object) -> bool:
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
-    """Return the motion that a map from frames to values describes; if a film is read at a frame, its value there."""
+    """Return the motion that a map from frames to values describes; its value, if a film is read at one frame."""
     assert isinstance(node.value, Mapping) and field.motion is not None
     known = film.motions.get((node.path, id(field)))
     if known is not None and film.at is not None:
@@ -193,7 +201,7 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
 
 
 def _check_between_keys(field: FieldType[Any], node: TreeNode, motion: Motion[Any]) -> None:
-    """Check a list or a matrix at frames between its keys, where a matrix may have no inverse."""
+    """Check a list or a matrix that moves at frames between its keys, where a matrix may have no inverse."""
     if any(True for part in motion.values[0] if not isinstance(part, (int, float, tuple))):
         return
     first, last = motion.frames[0], motion.frames[-1]
@@ -232,7 +240,7 @@ def check_frame_in_path(node: TreeNode, frame: object, num_frames: object) -> No
 
 
 def check_frames_ascend(node: TreeNode, before: object, frame: object) -> bool:
-    """Check that a frame, at `node`, comes after another; INVALID numbers are skipped."""
+    """Check that a frame, at `node`, comes after the frame `before`; INVALID numbers are skipped."""
     ascends = not isinstance(frame, int) or not isinstance(before, int) or frame > before
     if not ascends:
         expected = "frames in ascending order, each once"
@@ -241,7 +249,7 @@ def check_frames_ascend(node: TreeNode, before: object, frame: object) -> bool:
 
 
 def _check_ratios(node: TreeNode, motion: Motion[Any]) -> None:
-    """Check that no number moves to or from 0 over several frames, as 0 has no logarithm."""
+    """Check a motion in even ratios: no number may move to or from 0 over several frames, as 0 has no logarithm."""
     for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True)):
         if motion.easing != "hold" and (before == 0) != (after == 0) and end - start > 1:
             step = format_value({start: before, end - 1: before, end: after})

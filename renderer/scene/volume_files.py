@@ -24,7 +24,7 @@ from renderer.scene.input_file import read_bounded
 from renderer.scene.message_text import did_you_mean, short_text
 from renderer.scene.schema import INVALID, TreeNode
 
-# The most steps in time of a volume.
+# The largest number of steps in time of a volume.
 MAX_STEPS = 10_000
 # The suffixes of files that hold a whole volume.
 VOLUME_SUFFIXES = (
@@ -34,9 +34,10 @@ VOLUME_SUFFIXES = (
 )
 _HEADERLESS = (".raw", ".bin", ".dat")
 _SLICES = (".tif", ".tiff", ".dcm", ".ima")
-# The field of a pattern, such as `{:04}`; the group is the least number of digits.
+# The field of a pattern of file names, such as `{:04}`, for a number; the group is the smallest number of its digits.
 _FIELD = re.compile(r"\{(?::0?([1-9]?))?\}")
-# The fewest volumes whose names differ in a number that count as steps. Two may be, for example, T1 and T2.
+# Volumes in a folder whose names differ in one number count as steps in time if they are at least this many. Two of
+# them may be, for example, T1 and T2.
 _MIN_IN_FOLDER = 3
 
 
@@ -67,7 +68,7 @@ def is_pattern(name: str | os.PathLike[str]) -> bool:
 
 
 def file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
-    """Return the type of an existing file (or folder), relative to the node's base."""
+    """Return the type of an existing file, relative to the node's base. folder: whether a folder is allowed, too."""
 
     def parse(node: TreeNode) -> Any:
         if not schema.is_file_name(node.value):
@@ -95,7 +96,7 @@ def file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
 
 
 def _missing_file_hint(path: Path) -> str | None:
-    """Return a hint for a missing file."""
+    """Return the hint for a missing file: a similar name in its folder, or a reason why the folder cannot be read."""
     try:
         others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
     except (OSError, ValueError):
@@ -127,7 +128,10 @@ SOURCE_FIELD: schema.FieldType[FileSource] = schema.FieldType(
 
 
 def _steps(node: TreeNode, numbered: Sequence[tuple[float, TreeNode]]) -> Any:
-    """Return the files at some nodes as steps, in the order of their numbers or times."""
+    """Return the source of a volume whose steps in time are the files at some nodes, or INVALID.
+
+    numbered: pairs of a number or a time, by which steps are sorted, and the node of a file.
+    """
     if not 0 < len(numbered) <= MAX_STEPS:
         return node.reject("wrong number of steps", got=str(len(numbered)), expected=f"1 to {MAX_STEPS} files")
     ordered = sorted(numbered, key=itemgetter(0))
@@ -144,7 +148,10 @@ def _steps(node: TreeNode, numbered: Sequence[tuple[float, TreeNode]]) -> Any:
 
 
 def _matched(node: TreeNode, pattern: Path) -> Any:
-    """Return the files in a folder whose names have a number in place of the field of a pattern."""
+    """Return the source of a volume whose steps in time are the files that match a pattern, or INVALID.
+
+    They match if they lie in the pattern's folder, and their names have a number in place of its field.
+    """
     before, width, after, *more = _FIELD.split(pattern.name)
     if more:
         return node.reject("several fields in a pattern", expected="one, such as step_{:04}.vti")
@@ -186,7 +193,10 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _in_order(node: TreeNode, folder: Path, numbered: Sequence[tuple[int, str]]) -> Any:
-    """Return the files in a folder as steps in the order of their numbers, which are evenly spaced."""
+    """Return the source of a volume whose steps in time are files in a folder, or INVALID.
+
+    numbered: pairs of a file's number and its name. The numbers must be evenly spaced.
+    """
     numbers = sorted(number for number, _ in numbered)
     every = math.gcd(*(number - before for before, number in pairwise(numbers)))
     num_missing = (numbers[-1] - numbers[0]) // every + 1 - len(numbers) if every else 0
@@ -200,7 +210,7 @@ def _in_order(node: TreeNode, folder: Path, numbered: Sequence[tuple[int, str]])
 
 
 def _collected(node: TreeNode, path: Path) -> Any:
-    """Return the steps that a collection of ParaView lists, in the order of their times."""
+    """Return the source of a volume whose steps in time a collection of ParaView lists, or INVALID."""
     from renderer.looks import MAX_LOOK_BYTES, LookFile
 
     kind = "a collection of ParaView"

@@ -15,7 +15,8 @@ from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.volume_files import SOURCE_FIELD, FileSource, file_field
 from renderer.system import printable
 
-# The volumes of `renderer.readers.procedural`; here, so that names are checked without numpy.
+# The names of the volumes that `renderer.readers.procedural` makes from formulas. The list is here so that names are
+# checked without numpy.
 PROCEDURAL_NAMES = (
     "engine_block",
     "constant",
@@ -40,18 +41,19 @@ _ALIASES = {
     "half": "float16",
     "float": "float32",
     "double": "float64",
-    **{f"{sign}int{bits}": f"{sign}int16" for sign in ("", "u") for bits in (10, 12, 14)},  # of scanners and cameras
+    # Scanners and cameras store integers of 10, 12 and 14 bits in 16 bits.
+    **{f"{sign}int{bits}": f"{sign}int16" for sign in ("", "u") for bits in (10, 12, 14)},
     **{f"{order}{name[0]}{size}": name for name, size in ITEM_SIZES.items() for order in ("", "<", "=", "|")},
     **{f">{name[0]}{size}": f"{name} with byte order big" for name, size in ITEM_SIZES.items()},
 }
 
-# The most voxels along an axis. Together with MAX_VOXELS, it keeps all indices and byte counts within 64 bits, with
-# room for node numbers.
+# The largest number of voxels along an axis. Together with MAX_VOXELS, it keeps indices of voxels, numbers of octree
+# nodes and counts of bytes within 64 bits.
 MAX_AXIS = 2**16
-# The most voxels of a volume, 4096 cubed. Any volume that fits in memory is accepted.
+# The largest number of voxels of a volume: 4096 cubed. Below it, memory is the only limit.
 MAX_VOXELS = 2**36
 
-# The least determinant of a transform that can be inverted, if its largest entry is 1.
+# A transform counts as invertible if its determinant is at least this, after its largest entry is scaled to 1.
 _MIN_DETERMINANT = 1e-9
 
 
@@ -78,7 +80,7 @@ _SPACING = schema.sequence_field(
     f"[x, y, z]: three lengths from {schema.MIN_WORLD_LENGTH:g} to {schema.MAX_WORLD_LENGTH:g}",
     count=3,
 )
-SUBSET_INDEX_FIELD = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
+SUBSET_INDEX_FIELD = schema.integer_field(minimum=0, maximum=10**6)  # the number of a time step or a component
 _STEP = schema.number_field(minimum=0, maximum=10**6)
 
 
@@ -92,13 +94,13 @@ _MAX_UNIT_LENGTH = 12
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text from anywhere can be shown as a unit."""
+    """Return whether a text, which may come from any file, can be shown as a unit."""
     has_text = bool(text.strip()) and not text.strip().isdigit()
     return has_text and len(text) <= _MAX_UNIT_LENGTH and printable(text) == text
 
 
 _UNIT = schema.text_field(f"a unit such as mm or µm, of at most {_MAX_UNIT_LENGTH} characters", "no unit", is_unit)
-# Components that need no transfer function.
+# The values of `component` that need no transfer function in the scene.
 WITHOUT_TRANSFER = ("all", "color", "color_alpha")
 _COMPONENT = schema.word_or(
     {word: word for word in WITHOUT_TRANSFER},
@@ -164,7 +166,7 @@ TRANSFORM_FIELD = schema.sequence_field(
 )
 
 
-# The first voxel of a range, and the voxel after the last.
+# A range of voxels along an axis: the number of the first voxel, and of the voxel after the last one.
 Range = tuple[int, int]
 Ranges = tuple[Range | None, Range | None, Range | None]
 # The numbers of voxels along x, y, z.
@@ -174,7 +176,10 @@ Spacing = Annotated[schema.Vector, _SPACING]
 
 @dataclass(frozen=True)
 class RawSource:
-    """A file of headerless voxels, x fastest; `dtype`: a numpy name without byte order; `offset`: bytes to skip."""
+    """A file of voxels without a header, in which x varies fastest.
+
+    dtype: numpy's name of the voxels' type, without a byte order. offset: the number of bytes before the voxels.
+    """
 
     key: ClassVar[str] = "raw"
     file: Annotated[Path, file_field("a file of voxels without a header", folder=False)]
@@ -199,10 +204,13 @@ class ProceduralSource:
 
 @dataclass(frozen=True, eq=False)
 class ArraySource:
-    """An array of voxels in memory, of a scene made in Python: numpy [z, y, x], which is never written to."""
+    """An array of voxels in memory, for a scene that is made in Python.
+
+    values: a numpy array [z, y, x], which is never written to.
+    """
 
     key: ClassVar[str] = "array"
-    name: ClassVar[str] = "the array"  # in messages
+    name: ClassVar[str] = "the array"  # the name of the volume in messages
     values: Any
     spacing: schema.Vector = (1.0, 1.0, 1.0)
 
@@ -239,11 +247,11 @@ class VolumeSpec:
 
     @property
     def has_colors(self) -> bool:
-        """Return whether voxels are colours, in which they are drawn."""
+        """Return whether the voxels are colours, so that they are drawn in their own colours."""
         return self.component in ("color", "color_alpha")
 
     def written(self) -> dict[str, object]:
-        """Return the keys of the section with their values, first the keys of the source."""
+        """Return the section as a scene file has it: first the keys of the source, then all others, with values."""
         own = {key: value for key, value in vars(self).items() if key != "source"}
         own |= {"crop": at_keys(_by_axis, self.crop), "interpolate": self.interpolate or None}
         source = self.source
@@ -258,9 +266,9 @@ def _by_axis(crop: Ranges | None) -> dict[str, Range] | Ranges | None:
 
 
 def steps_in_time(volume: OverFrames[VolumeSpec]) -> list[VolumeSpec]:
-    """Return a volume at each step in time that the film shows or mixes, ascending. Its other keys are as on frame 0.
+    """Return a volume at each step in time that the film shows or mixes, in ascending order.
 
-    If its time does not move, only the volume itself is returned.
+    All keys but `time` have their values of frame 0. If the time does not move, only the volume itself is returned.
     """
     plain, motions = volume.at(0), volume.map(lambda spec: spec.time).motions
     if not motions:

@@ -19,12 +19,13 @@ from renderer.scene.input_file import decode_utf8
 from renderer.scene.message_text import format_value, join_keys
 from renderer.system import join_lines, printable
 
-# The most values and the most levels of a scene file. Scenes have a few hundred values in three or four levels; far
-# more is a mistake or an attack.
+# The largest number of values in a scene file. Scenes have a few hundred; far more are a mistake or an attack.
 MAX_NODES = 20_000
+# The largest number of levels of mappings and lists in a scene file. Scenes have three or four; far more are a mistake
+# or an attack.
 MAX_DEPTH = 50
 
-# The most digits of a whole number: the lowest limit that Python can be set to.
+# The largest number of digits of a whole number that is read exactly: the lowest limit that Python can be set to.
 _MAX_DIGITS = 640
 
 LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
@@ -128,8 +129,8 @@ class _Loader(yaml.SafeLoader):
         self._depth = self._num_values = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        # Checked here as well: composing a large text takes seconds and hundreds of megabytes before anything is built.
-        if parent is None or index is not None:  # the others are keys
+        # The limits are checked here, too, as composing a large text takes seconds and hundreds of megabytes.
+        if parent is None or index is not None:  # a node below another one and without an index is a key
             self._num_values += 1
         if self._num_values > MAX_NODES:
             raise _limit_error(f"{MAX_NODES} values")
@@ -153,7 +154,7 @@ for _name, _pattern, _first in (
 
 
 class _Dumper(yaml.SafeDumper):
-    """A dumper of text that the loader reads back: its scalars follow YAML 1.2, too."""
+    """A dumper whose text `_Loader` reads back as the same data: scalars follow YAML 1.2, and there are no aliases."""
 
     yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
 
@@ -220,7 +221,7 @@ class _Builder(YamlTree):
                 return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
             if kind in ("null", "bool"):
                 return {"n": None, "~": None, "": None, "t": True, "f": False}[text[:1].lower()]
-        except (KeyError, ValueError):  # the tag does not fit the value
+        except (KeyError, ValueError):  # an explicit tag, such as !!int, does not fit the text
             kind = "?"
         if kind != "str":
             self._reject_tag(node, path)
@@ -244,7 +245,7 @@ def _limit_error(limit: str, mark: yaml.Mark | None = None) -> yaml.MarkedYAMLEr
     return yaml.MarkedYAMLError(problem=f"more than {limit}", problem_mark=mark)
 
 
-# The beginnings of PyYAML's messages, plain words for each, and a hint.
+# The beginnings of PyYAML's messages, each with plain words for the mistake, and a hint.
 _PYYAML_MESSAGES = (
     ("found character '\\t'", "a tab", "indent with spaces"),
     (

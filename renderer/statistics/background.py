@@ -10,43 +10,47 @@ from renderer.statistics.smoothness import is_smooth
 from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Bools, Float64
 
-# Half of a normal distribution, the values nearest to the mean, lies within 0.674 standard deviations of it; a quarter
-# lies within 0.319.
+# The width, in standard deviations, of the shortest interval that holds half of a normal distribution.
 _SIGMAS_OF_HALF = 2 * 0.6745
+# The width, in standard deviations, of the shortest interval that holds a quarter of a normal distribution.
 _SIGMAS_OF_QUARTER = 2 * 0.3186
 # Where the object fills much of the border, the shortest interval with half of the border's values holds values of the
-# object, too. This shows if the shortest interval with a quarter of them is much narrower. The background is then found
-# by the quarter: if its width, as standard deviations, is at most this part of the half's width,
+# object, too, and the shortest interval with a quarter of the border's values is much narrower. The background is found
+# by the quarter if the standard deviation that follows from the quarter's width is less than this part of the standard
+# deviation that follows from the half's width.
 _MAX_QUARTER_RATIO = 0.4
-# and at most this part of the range of the values.
+# The background is found by the shortest interval with a quarter of the border's values only if the standard deviation
+# that follows from this interval's width is less than this part of the range of all values.
 _MAX_QUARTER = 0.02
-# With at most this many different values in the interval that holds half of them, the two widths are not compared: grey
-# steps are too coarse.
+# If the shortest interval with half of the border's values holds at most this many different values, it gives the
+# background: grey steps are too coarse for a comparison with the interval with a quarter of the values.
 _MAX_GREY_STEPS = 8
 # The background ends this many standard deviations from its middle: of ten million voxels of noise, six are outside.
 _NOISE_SIGMAS = 5.0
-# The least standard deviation of a background, as a part of the range of the values. A background without noise has it.
+# The least standard deviation of a background, as a part of the range of all values; backgrounds without noise have it.
 _MIN_SIGMA = 1 / 500
-# The smallest range of the values, in standard deviations of the background. With a smaller range, the border is like
-# the rest of the volume: a normal distribution has a range of 10, a skewed one of 15.
+# There is a background only if the range of all values is at least this many standard deviations of the background. A
+# smaller range means that the border is like all of the volume: a normal distribution has a range of 10, a skewed one
+# of 15.
 _MIN_CONTRAST = 15.0
 # A smooth field has no background if values beyond the supposed background are about as frequent on the border as in
-# the volume: if their share of the border is at least this part of their share of the volume. Backgrounds of scans are
-# noise instead, with second differences of at least 0.85 times the first.
+# the volume: if their share of the border is more than this part of their share of the volume. A scan's background is
+# not smooth but noise, whose second differences are at least 0.85 times as large as the first.
 _MIN_LIKENESS = 0.5
-# Voxels on one side of the background count if there are at least this many for each voxel on the other side.
+# Voxels on one side of the background count if there are more than this many for each voxel on the other side.
 _ONE_SIDED_RATIO = 0.15
-# The percentiles between which the range of the values is measured for the contrast; values outside are ignored.
+# Whether the border stands apart is judged by the range of all values, between these percentiles; values outside are
+# ignored.
 _CONTRAST_PERCENTILES = (0.01, 99.99)
 
 
 @dataclass(frozen=True)
 class Background:
-    """A range of values that surrounds the object, noise included, normalised.
+    """The range of the normalised values, noise included, of the background that surrounds the object.
 
     middle: the middle of the range.
-    low, high: its ends; the values of the object are beyond them.
-    is_there: whether the values at the border stand apart from the others.
+    low, high: the ends of the range; the values of the object are beyond these ends.
+    is_there: whether there is a background: whether the values at the border stand apart from all other values.
     below, above: the shares of all voxels whose values are below and above the range.
     """
 
@@ -69,7 +73,7 @@ class Background:
 
 
 def find_background(sample: VoxelSample) -> Background:
-    """Find the shortest interval with half of the values on the volume's six faces, and widen it by its noise.
+    """Return the background: the shortest interval with half of the values on the volume's six faces, and its noise.
 
     The interval, the "shorth", is a robust estimate of the mode: objects may reach through a third of the border (P. J.
     Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987). Where the object fills more of the
@@ -79,7 +83,10 @@ def find_background(sample: VoxelSample) -> Background:
 
 
 def background_at(sample: VoxelSample, border: Float64, shares: Float64) -> Background:
-    """Find the background, as `find_background` does, by the border's values [m]. shares: all normalised values [n]."""
+    """Find the background by the shortest interval with half of the values on the border, as `find_background` does.
+
+    border: the normalised values on the border, float64 [m]. shares: all normalised values, float64 [n].
+    """
     border = np.sort(border)
     half, quarter = shortest_interval(border, 0.5), shortest_interval(border, 0.25)
     wide, narrow = np.ptp(half) / _SIGMAS_OF_HALF, np.ptp(quarter) / _SIGMAS_OF_QUARTER
@@ -99,7 +106,10 @@ def background_at(sample: VoxelSample, border: Float64, shares: Float64) -> Back
 
 
 def fill_with_background(sample: VoxelSample, are_away: Bools) -> VoxelSample:
-    """Return a sample in which some voxels, bool [z, y, x], have the background's values, noise included."""
+    """Return a sample in which some voxels have the background's values, noise included.
+
+    are_away: which voxels these are, bool [z, y, x].
+    """
     background, (border, _) = find_background(sample), sample.valid_values()
     noise = border[(border >= background.low) & (border <= background.high)]
 
@@ -107,14 +117,14 @@ def fill_with_background(sample: VoxelSample, are_away: Bools) -> VoxelSample:
 
 
 def fill_with_noise(values: Float64, are_filled: Bools, noise: Float64) -> Float64:
-    """Return values of which some are replaced by values drawn from `noise`, [n]."""
+    """Return the values, with the values at `are_filled` replaced by values taken from `noise`, [n]."""
     values, filled = values.copy(), np.flatnonzero(are_filled)
     values.flat[filled] = noise[filled % len(noise)]
     return values
 
 
 def shortest_interval(ascending: Float64, part: float) -> tuple[float, float]:
-    """Return the ends of the shortest interval that holds the share `part` of the values."""
+    """Return the ends of the shortest interval that holds the share `part` of sorted values. ascending: the values."""
     num = int(len(ascending) * part)
     first = int((ascending[num:] - ascending[: len(ascending) - num]).argmin())
     return float(ascending[first]), float(ascending[first + num])

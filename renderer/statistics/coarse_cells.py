@@ -7,14 +7,17 @@ import numpy as np
 from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Bools, Float64, grow, reduce_blocks
 
-# The most cells of the coarse grid along each axis.
+# The largest number of cells of the coarse grid along each axis.
 _MAX_CELLS = 64
-# The least depth below the surface, in cells, of a voxel that is deep inside.
+# A voxel lies deep inside the visible part if its cell is more than this many cells away from every empty cell.
 _DEPTH = 3
 
 
 def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
-    """Return which voxels of the sample lie deep inside the visible part, bool [z, y, x]."""
+    """Return which voxels of a sample lie deep inside its visible part, bool [z, y, x].
+
+    is_visible: which voxels of the sample are visible, bool [z, y, x].
+    """
     cells, _ = pool_voxels(is_visible, sample.spacing)
     for _ in range(_DEPTH):
         cells = ~grow(~cells, 1)
@@ -23,7 +26,10 @@ def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
 
 
 def pool_voxels(is_visible: Bools, spacing: tuple[float, float, float]) -> tuple[Bools, Float64]:
-    """Join voxels into cells. Return which cells have a visible voxel, and the lengths of a cell along z, y, x."""
+    """Join voxels into the cells of a coarse grid.
+
+    spacing: the lengths of a voxel along z, y, x. Returns which cells have a visible voxel, and the lengths of a cell.
+    """
     factors = _factors(is_visible)
     return reduce_blocks(np.logical_or, is_visible, factors), np.array(spacing) * factors
 

@@ -14,7 +14,10 @@ from renderer.volume import Volume
 
 
 def suggest_fill(volume: Volume, statistics: Statistics) -> float | None:
-    """Return the value for voxels without data, from the statistics of all others; None for the lowest value."""
+    """Return the value that voxels without data count as; None for the lowest value of the volume.
+
+    statistics: the statistics of the voxels with data.
+    """
     low, high = float(statistics.minimum), float(statistics.maximum)
     sample = sample_volume(volume, statistics)
     if label_values(volume, statistics, sample) is not None:
@@ -30,7 +33,10 @@ def suggest_fill(volume: Volume, statistics: Statistics) -> float | None:
 
 
 def _surrounding_label(sample: VoxelSample, low: float) -> float | None:
-    """Return the most frequent label at the border, or a label that no voxel has if more voxels there lack data."""
+    """Return the most frequent label at the border; if more voxels there have no data, 0, which no voxel has.
+
+    low: the lowest label. Returns None for the lowest label, and if 0 may be a label.
+    """
     is_known = faces(sample.is_valid)
     values, counts = np.unique(faces(sample.normalized)[is_known], return_counts=True)
     if counts.max(initial=0) > np.count_nonzero(~is_known):

@@ -14,28 +14,30 @@ from renderer.statistics.isolated import OutlierValue, find_isolated
 from renderer.statistics.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 
-# The most bins of a histogram. Every value of 16-bit data has its own bin; values of wider types are divided into as
-# many.
+# The largest number of bins of a histogram. Every integer in a range of at most this many has its own bin; other values
+# are divided into this many bins.
 MAX_BINS = 2**16
 
-# The percentiles that `Statistics.percentiles` holds.
+# The percentages for which `Statistics` has percentiles of the values.
 PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
-# The least number of different values that a volume with outliers has besides them. A volume with fewer has steps or
-# labels: none of its values is an outlier.
+# A volume has outliers only if its other voxels have at least this many different values. A volume with fewer values
+# has steps or labels.
 _MIN_OTHER_VALUES = 16
-# The most rounds of the search for outliers. The outliers of one round may hide others that are less far away.
+# The largest number of rounds of the search for outliers. Far outliers hide nearer ones, which a later round finds.
 _MAX_ROUNDS = 3
 
-# The number of values in a chunk. Chunks are read one by one, so that no float64 copy of the volume is made.
+# The number of values in a chunk of a volume. Chunks are read one by one, so that no float64 copy of the volume is
+# made.
 _CHUNK = 2**20
 
+# Half of the largest float64.
 _HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """A summary of all voxels.
+    """The statistics of a volume: a summary of the values of all voxels that have data.
 
     minimum, maximum: the exact range; int for integer volumes and float otherwise.
     mean: the mean of all values, computed in float64.
@@ -60,15 +62,18 @@ class Statistics:
 
 
 def safe_scale(minimum: float, maximum: float) -> float:
-    """Return a power of two that scales values to [-1/2, 1/2], where neither their sum nor their range overflows."""
+    """Return a power of two that scales values from `minimum` to `maximum` into [-1/2, 1/2].
+
+    Neither sums of two scaled values nor their range overflow.
+    """
     return math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000))
 
 
 def compute_statistics(values: Array, source: MappedFile | None = None) -> Statistics:
-    """Compute the statistics of integer or float values, finite except NaN where there are no data, in bounded memory.
+    """Compute the statistics of integer or float values in bounded memory.
 
-    values: any shape, C-contiguous; at least one is finite. source: the file that they are mapped from, if any.
-    Raises InputError if that file has changed.
+    values: any shape, C-contiguous, finite except NaN where there are no data; at least one is finite. source: the file
+    that the values are mapped from, if any. Raises InputError if that file has changed.
     """
     chunks = partial(_chunks_of_data, values, source)
     whole = others = _statistics(values.dtype, chunks)
@@ -86,7 +91,7 @@ def compute_statistics(values: Array, source: MappedFile | None = None) -> Stati
 
 
 def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]:
-    """Yield the values that are not NaN, in chunks."""
+    """Yield the values of a volume in chunks, without the values that are NaN."""
     for chunk in iter_slabs(values.reshape(-1), source, values.itemsize * _CHUNK):
         least = chunk.min()
         data = chunk if not math.isnan(least) else chunk[~np.isnan(chunk)]
@@ -95,7 +100,10 @@ def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]
 
 
 def _statistics(dtype: np.dtype[np.generic], chunks: Chunks) -> Statistics:
-    """Return the statistics of all values."""
+    """Return the statistics of all values, without a search for outliers.
+
+    chunks: a function that begins a pass over all values, in chunks.
+    """
     minimum, maximum, size = _extent(chunks)
     scale = np.float64(safe_scale(minimum, maximum))
     low, extent = minimum * scale, maximum * scale - minimum * scale
@@ -122,9 +130,10 @@ def _statistics(dtype: np.dtype[np.generic], chunks: Chunks) -> Statistics:
 def exact_percentiles(
     values: Array, source: MappedFile | None, percents: Sequence[float]
 ) -> Mapping[float, int | float]:
-    """Return exact percentiles, defined as in `Statistics`; the percentile 0 is the smallest value.
+    """Return for each percentage the smallest value that at least this share of the voxels does not exceed; exact.
 
-    Parameters and errors are as in `compute_statistics`.
+    values: any shape, C-contiguous, finite except NaN where there are no data. source: the file that the values are
+    mapped from, if any. Raises InputError if that file has changed.
     """
     chunks = partial(_chunks_of_data, values, source)
     minimum, maximum, size = _extent(chunks)
@@ -158,13 +167,13 @@ def _values_between(chunks: Chunks, low: float, high: float) -> Iterator[Array]:
 
 
 def rebin(statistics: Statistics, num_bins: int) -> tuple[Int64, Float64]:
-    """Join bins: return (counts, edges), int64 [m] and float64 [m + 1], of m <= num_bins equal parts of the range.
+    """Return a histogram with fewer bins: (counts, edges), int64 [m] and float64 [m + 1], with m <= num_bins.
 
-    Every part holds the same number of the original bins, except the last, which may hold fewer.
+    Each new bin joins the same number of the original bins, except the last, which may join fewer.
     """
     per_part = -(-len(statistics.counts) // num_bins)
     counts = np.add.reduceat(statistics.counts, np.arange(0, len(statistics.counts), per_part))
-    # Divided by two, because the range of float64 values may exceed the largest number.
+    # Edges are halved while they are computed, because the range of float64 values may exceed the largest float64.
     half_first, half_width = statistics.bins[0] / 2 - statistics.bin_width / 4, statistics.bin_width / 2
     half_edges = half_first + np.arange(len(counts) + 1) * per_part * half_width
     return counts, 2 * np.clip(half_edges, -_HALF_OF_LARGEST, _HALF_OF_LARGEST)

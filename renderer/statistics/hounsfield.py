@@ -5,7 +5,7 @@ from __future__ import annotations
 from renderer.statistics.histogram import Statistics
 from renderer.volume import Float64
 
-# The stored values that may stand for 0 Hounsfield units: 0, or an offset that makes values of 12 bits positive.
+# The stored values that may stand for 0 Hounsfield units: 0, or an offset by which files keep 12-bit values positive.
 _HOUNSFIELD_ZEROS = (0.0, 1024.0, 1000.0)
 
 
@@ -32,7 +32,10 @@ def hounsfield_zero(statistics: Statistics) -> float | None:
 
 
 def _is_narrow(statistics: Statistics, values: Float64) -> bool:
-    """Return whether soft tissue has a narrow peak: half of the values from -300 to 300 lie within 150."""
+    """Return whether soft tissue has a narrow peak: over half of the values from -300 to 300 lie in a range of 150.
+
+    values: the Hounsfield units of the bins of the histogram.
+    """
     counts = [float(statistics.counts[(values >= a) & (values < a + 50)].sum()) for a in range(-300, 300, 50)]
     widest = max(sum(counts[k : k + 3]) for k in range(len(counts) - 2))
     return widest > 0.5 * sum(counts) > 0

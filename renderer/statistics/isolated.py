@@ -10,19 +10,19 @@ import numpy as np
 
 from renderer.volume import Array, Bools, Int64, MappedFile, iter_slabs
 
-# The largest share of isolated voxels among all voxels. A larger share is no noise.
+# At most this share of all voxels may be outliers at each end of the range. A larger share is no noise.
 _MAX_FRACTION = 1e-3
-# The smallest share of isolated voxels among all voxels beyond the range of the others. It is below 1 because, where
-# there are many, some touch.
+# The highest values of a volume, or the lowest, are outliers only if at least this share of the voxels with such values
+# are isolated. The share is less than 1 because, of many hot or dead pixels, some touch.
 _MIN_ISOLATED = 0.95
-# The smallest distance of an isolated voxel's value from the range of its neighbours' values, in widths of this range.
-# Noise reaches 0.7. Of the lowest and the highest percent of the voxels of 40 volumes, 7 voxels reach 2, and their
-# values lie in the range of the others.
+# A voxel is isolated if its value is farther than this from the range of its neighbours' values, in widths of this
+# range. Noise reaches 0.7. Among the lowest and the highest percent of the voxels of 40 volumes, 7 voxels reach 2, and
+# other voxels have values as low or as high.
 _MIN_DISTANCE = 2.0
-# The least number of neighbours of a voxel that may count as isolated. Neighbours along a single line are too few to
-# tell.
+# Voxels of a volume in which a voxel has fewer neighbours than this are never isolated: neighbours along a single line
+# are too few to tell.
 _MIN_NEIGHBOURS = 8
-# The number of voxels that are read at a time.
+# The number of voxels that are read at a time in the search for isolated voxels.
 _CHUNK = 2**20
 
 
@@ -35,7 +35,7 @@ class OutlierValue:
     last: int | float
 
 
-# The outliers, and the range of the other values.
+# The outliers of a volume, and the lowest and the highest of all other values.
 OutlierSplit = tuple[tuple[OutlierValue, ...], float, float]
 
 
@@ -44,13 +44,13 @@ def find_isolated(
 ) -> OutlierSplit | None:
     """Return the values of isolated voxels, and the range of all other values; None if no voxel is isolated.
 
-    values: C-contiguous. source: the file that they are mapped from, if any. ends: the minimum, the first and the last
-    of the usual values, and the maximum; only voxels below the first or above the last may be isolated. scale: a power
-    of two that keeps differences finite.
+    values: C-contiguous. source: the file that the values are mapped from, if any. ends: the minimum, the lowest and
+    the highest usual value, and the maximum; only voxels below or above the usual values may be isolated. scale: a
+    power of two by which values are multiplied, so that differences stay finite.
     """
     minimum, *usual, maximum = ends
     cube, first = values.reshape(-1, *(1, 1, *values.shape)[-2:]), 0
-    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # the last one is no outlier
+    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # the last of them is no outlier
     beyond = [(np.empty(0, values.dtype), np.empty(0, bool))] * 2
     for slab in iter_slabs(cube, source, values.itemsize * _CHUNK):
         is_within = (slab >= minimum) & (slab <= maximum)
@@ -76,14 +76,17 @@ def find_isolated(
 
 
 def _are_isolated(cube: Array, places: Int64, ends: Sequence[float], scale: float) -> Bools:
-    """Return which voxels, at `places` [3, n], have values far from all of their neighbours but one."""
+    """Return which voxels have values far from all of their neighbours' values, or from all but one, bool [n].
+
+    places: the indices of the voxels, [3, n].
+    """
     steps = [step for step in product(*((-1, 0, 1) if num > 1 else (0,) for num in cube.shape)) if any(step)]
     if len(steps) < _MIN_NEIGHBOURS:
         return np.zeros(places.shape[1], bool)
     lasts = np.array(cube.shape)[:, None] - 1
     lowest, low, high, highest = np.repeat([[np.inf], [np.inf], [-np.inf], [-np.inf]], places.shape[1], axis=1)
     for step in steps:
-        # A neighbour beyond the border is replaced by the one on the opposite side.
+        # A neighbour beyond the border is replaced by the voxel's neighbour on the opposite side.
         z, y, x = lasts - np.abs(lasts - np.abs(places + np.array(step)[:, None]))
         near = np.clip(cube[z, y, x] * scale, ends[0] * scale, ends[-1] * scale)
         # Neighbours without data, NaN, do not count.

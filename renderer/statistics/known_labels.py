@@ -27,7 +27,7 @@ from renderer.volume import Label, Volume, iter_slabs
 
 @dataclass(frozen=True)
 class KnownLabels:
-    """The labels of a volume, as far as they are known.
+    """The known labels of a volume, with their names, colours and opacities.
 
     present: the labels that voxels of the volume have, ascending.
     table: names, colours and opacities by label, from the volume's file or from a table of labels.
@@ -55,14 +55,15 @@ class KnownLabels:
         return f"the nearest is {min(self.present, key=lambda value: abs(value - key))}"
 
 
+# The labels of a volume that has none, or whose labels have not been read.
 NO_LABELS = KnownLabels((), {})
 
 
 def read_labels(volume: OverFrames[VolumeSpec], read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
-    """Return the labels of a volume, which are the values of any of its steps in time.
+    """Return the labels of a volume: all values that voxels have at any step in time.
 
-    labels: the labels that the scene names; these names take precedence over a table's. Raises InputError for a volume
-    that is no labels.
+    labels: the labels of the scene, whose names take precedence over the names of a table. Raises InputError for a
+    volume whose values are no labels, and for a table that cannot be read.
     """
     known = _labels_of(steps_in_time(volume), read)
     table = known.table
@@ -74,9 +75,10 @@ def read_labels(volume: OverFrames[VolumeSpec], read: ReadVolume, labels: Labels
 
 
 def _labels_of(steps: Sequence[VolumeSpec], read: ReadVolume) -> KnownLabels:
-    """Return the labels of the steps of a volume. If two steps describe a label, the first step's description counts.
+    """Return the labels of all steps in time of a volume.
 
-    Raises InputError for volumes that are no labels, and tables that cannot be read.
+    If the tables of two steps describe a label, the first step's description counts. Raises InputError for volumes that
+    are no labels, and tables that cannot be read.
     """
     present, table = set[int](), dict[int, Label]()
     for step in steps:
@@ -88,7 +90,7 @@ def _labels_of(steps: Sequence[VolumeSpec], read: ReadVolume) -> KnownLabels:
 
 
 def label_table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
-    """Return the table of labels in the file of a volume, or in a file beside it."""
+    """Return the table of labels in the file of a volume, or in a file beside it; empty without such a table."""
     source = spec.source
     if volume.labels or not isinstance(source, FileSource):
         return volume.labels
@@ -100,7 +102,8 @@ def label_table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
 def count_labels(volume: Volume) -> dict[int, int]:
     """Return the number of voxels of each label, ascending by value.
 
-    Raises InputError for values that are no whole numbers or exceed MAX_LABEL, and for more than MAX_LABELS labels.
+    Raises InputError for values that are no whole numbers, for values whose magnitude exceeds MAX_LABEL, and for more
+    than MAX_LABELS labels.
     """
     found: dict[int, int] = {}
     start = 0

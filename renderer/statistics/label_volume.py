@@ -9,24 +9,25 @@ from renderer.statistics.histogram import Statistics
 from renderer.statistics.voxel_sample import SAME, VoxelSample, faces
 from renderer.volume import Bools, Volume, iter_slabs
 
-# With at most this many different values, all values are labels.
+# A volume with at most this many different values, all whole numbers, is a volume of labels.
 _MAX_CERTAIN_LABELS = 3
-# The smallest share of equal neighbours in a volume of more labels: for voxels outside the background, the share of
-# neighbours that have the voxel's own value. Scans have up to 0.6.
+# A volume with many values is a volume of labels only if, for voxels outside the background, at least this share of
+# neighbours have the voxel's own value, or if its labels are small. In scans the share is up to 0.6.
 _MIN_EQUAL_NEIGHBOURS = 0.75
-# The smallest share of equal neighbours if each label has a few voxels, which lie in one place.
+# The smallest share of equal neighbours in a volume of small labels, each of which has a few voxels in one place.
 _MIN_EQUAL_NEIGHBOURS_OF_SMALL = 0.45
-# The largest scatter of the voxels of such a label, as a part of the scatter of all voxels: labels have 0.02 to 0.3,
-# the values of a scan 0.6 to 1.
+# The largest variance of the positions of a small label's voxels, as a part of the variance of all voxels' positions:
+# labels have 0.02 to 0.3, the values of a scan 0.6 to 1.
 _MAX_SCATTER_OF_SMALL = 0.5
-# Up to this many labels may be graded, with small steps between neighbours.
+# In a volume of at most this many labels, neighbours may differ by small steps, as in a map of grades.
 _MAX_GRADED_LABELS = 16
-# The largest share of small steps in a volume with more labels: among unequal neighbours, the share of those that
-# differ by one or two. Steps of a smooth field have a larger share.
+# A volume with many values is no volume of labels if, of all neighbours with unequal values, more than this share
+# differ by one or two, as in a smooth field.
 _MAX_SMALL_STEPS = 0.6
-# The largest share of the values that only occur in transitions. Clipped images and smoothed edges have a larger share.
+# A volume is no volume of labels if more than this share of its values mostly occur in transitions between two other
+# values, as in clipped images and at smoothed edges.
 _MAX_TRANSITION_FRACTION = 0.5
-# The largest integer that float64 does not round; values are compared in float64 here.
+# The largest integer up to which float64, in which labels are compared, has all integers.
 _MAX_EXACT = 2**53
 
 
@@ -60,7 +61,7 @@ def is_piecewise_constant(sample: VoxelSample) -> bool:
 def _scatter(sample: VoxelSample, are_outside: Bools) -> float:
     """Return the variance of the positions of voxels with one value, as a part of the variance of all positions.
 
-    Voxels of the background do not count. The result is low for labels and about 1 for scans.
+    Only the voxels `are_outside`, outside the background, count. The result is low for labels and about 1 for scans.
     """
     _, number, counts = np.unique(sample.normalized[are_outside], return_inverse=True, return_counts=True)
     places = np.argwhere(are_outside).T * np.array(sample.spacing)[:, None]
@@ -83,14 +84,17 @@ def _transition_value_fraction(sample: VoxelSample) -> float:
 
 
 def _small_step_fraction(sample: VoxelSample, step: float) -> float:
-    """Return the share of unequal neighbours whose values differ by at most `step`, normalised."""
+    """Return, of all neighbours with unequal values, the share that differ by at most `step`, a normalised value."""
     differences = np.abs(sample.neighbours - sample.normalized)
     unequal = differences[differences > SAME]
     return float(np.mean(unequal <= step)) if unequal.size else 0.0
 
 
 def distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:
-    """Return every value in the range of the statistics, ascending; None if there are too many."""
+    """Return all different values of a volume that lie in the range of `statistics`, ascending.
+
+    Returns None if there are more values than a volume may have labels.
+    """
     if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
         counted: list[float] = statistics.bins[statistics.counts > 0].tolist()
         return counted if len(counted) <= MAX_LABELS else None

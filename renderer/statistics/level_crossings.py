@@ -7,16 +7,17 @@ from itertools import pairwise
 from renderer.statistics.classes import top_value
 from renderer.statistics.voxel_sample import VoxelSample
 
-# The largest mean number of times that a ray crosses a level. Surfaces that rays cross more often hide all others.
+# A surface of one value that rays cross at least this often, on average, hides all other surfaces.
 MAX_CROSSINGS = 3.0
-# The largest ratio of the crossings of a level to the crossings of the next lower one that it lies inside.
+# A surface lies inside the surface of the next lower level if rays cross it less often than this part of the times that
+# they cross the lower level.
 _MAX_NESTED_RATIO = 0.85
 
 
 def has_nested_levels(sample: VoxelSample, first: float) -> bool:
     """Return whether the surfaces of levels above `first` lie inside one another, as in a smooth field.
 
-    In a scan of one material, all of them lie at its surface.
+    In a scan of one material, the surfaces of all levels lie together at the surface of the material.
     """
     top = top_value(sample)
     found = [crossings(sample, first + (top - first) * part) for part in (0.15, 0.4, 0.65, 0.9)]

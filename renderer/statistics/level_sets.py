@@ -1,7 +1,7 @@
 """Recognise level sets: fields made for their surface at 0, such as signed distances.
 
-One sign at the border and the other one somewhere inside are not enough: they also occur in a temperature field with
-one cold place and in a scan with an overshooting edge.
+Values of one sign at the border and of the other sign inside do not make a level set: they also occur in a temperature
+field with one cold place, and in a scan with an overshooting edge.
 """
 
 from __future__ import annotations
@@ -11,24 +11,27 @@ import numpy as np
 from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Bools, Float64
 
-# The smallest share of the border's voxels that have the same sign, in a level set.
+# In a level set, more than this share of the border's voxels have the same sign.
 _MIN_ONE_SIGN_FRACTION = 0.97
-# The smallest probability that the neighbour of a voxel inside a level set is inside, too. Noise crosses 0 in single
-# voxels; a ball of at least 4 voxels in radius reaches this probability.
+# In a level set, the neighbour of a voxel inside the surface is inside, too, with at least this probability. In noise,
+# single voxels are inside; a ball of at least 4 voxels in radius reaches this probability.
 _MIN_COHERENCE = 0.5
-# The largest ratio of the upper to the lower quartile of the gradients of a distance field. It is near 1: a distance
-# has the same gradient everywhere, except where two surfaces are equally far. In a smooth random field it is 1.8.
+# In a distance field, the ratio of the upper to the lower quartile of the gradients is less than this: a distance has
+# the same gradient everywhere, except where two surfaces are equally far. In a smooth random field the ratio is 1.8.
 _MAX_GRADIENT_RATIO = 1.4
-# The largest median gradient inside the surface of a distance field, as a multiple of the median gradient of the whole
-# field. A distance is not steeper inside, but a temperature field that gets warmer upwards is, if it has ice inside.
+# In a distance field, the median gradient inside the surface is at most this many times the median gradient of the
+# whole field. A distance is not steeper inside, but a temperature field that gets warmer upwards is, if it has ice
+# inside.
 _MAX_INNER_STEEPNESS = 2.0
-# The smallest share of voxels inside the surface, in a level set that is no distance field.
+# In a level set that is no distance field, at least this share of the voxels are inside the surface.
 _MIN_INSIDE_FRACTION = 0.03
-# The smallest ratio of this share to the share of the border's voxels that are inside. The valleys of a random field
-# are as frequent at the border as elsewhere.
+# In a level set that is no distance field, the share of voxels inside the surface is at least this many times as large
+# among all voxels as among the border's voxels. The valleys of a random field are as frequent at the border as
+# elsewhere.
 _MIN_INSIDE_RATIO = 4.0
-# The smallest median difference of the values inside from the border value, as a part of the median difference of those
-# outside. A smaller one may be ringing: an edge overshoots by 9 % at most (Gibbs), and by half of this in the median.
+# In a level set that is no distance field, the median difference between the values inside and the surface's value is
+# at least this part of the median difference outside. A smaller difference may be ringing: an edge overshoots by 9 % at
+# most (Gibbs), and by half of this in the median.
 _MIN_INSIDE_DEPTH = 0.05
 
 
@@ -48,12 +51,18 @@ def is_level_set_interior(sample: VoxelSample, border: float) -> bool:
 
 
 def _coherence(sample: VoxelSample, above: float) -> float:
-    """Return the probability that a neighbour of a voxel over a threshold is over the threshold, too; low in noise."""
+    """Return the probability that a neighbour of a voxel inside the surface is inside, too. It is low in noise.
+
+    above: the normalised value of the surface; voxels with higher values are inside.
+    """
     return float(np.mean((sample.neighbours > above)[:, sample.normalized > above]))
 
 
 def _is_distance(sample: VoxelSample, within: Bools) -> bool:
-    """Return whether the field is a distance: whether its gradient is even, for lengths in world units or in voxels."""
+    """Return whether a field is a distance to a surface: whether gradients are about equal everywhere.
+
+    Distances may be in world units or in voxels. within: which voxels are inside the surface, bool [z, y, x].
+    """
     axes = [axis for axis in range(3) if sample.normalized.shape[axis] > 1]
     changes = {axis: np.gradient(sample.normalized, axis=axis) for axis in axes}
     return any(

@@ -20,13 +20,13 @@ from renderer.statistics.padding import without_padding
 from renderer.statistics.voxel_sample import sample_volume
 from renderer.volume import Float64, Volume
 
-# The percentiles of both volumes that are matched.
+# The percentiles at which the values of two volumes are matched.
 _PERCENTILES = range(10, 100, 10)
 
 
 @dataclass(frozen=True)
 class ValueLine:
-    """A linear relation by which values of a reference become values of a scan."""
+    """A linear relation by which values of a reference become values of a scan: value * scale + shift."""
 
     scale: float
     shift: float
@@ -41,12 +41,12 @@ class ValueLine:
 
 
 def match_values(reference: Volume, scan: Volume) -> ValueLine:
-    """Return the linear relation between the deciles of two volumes, of the values that are not background.
+    """Return the linear relation by which values of the reference become values of the scan.
 
-    The deciles serve as landmarks of the histogram, as in L. G. Nyul and J. K. Udupa, "On Standardizing the MR Image
-    Intensity Scale", Magn. Reson. Med. 42 (1999). The relation is the median of the lines through any two of
-    them (Theil and Sen), so that a lesion or a bright coil changes it little. Raises InputError for a volume without
-    contrast, of labels or of colours.
+    Deciles of the values that are not background serve as landmarks, as in L. G. Nyul and J. K. Udupa, "On
+    Standardizing the MR Image Intensity Scale", Magn. Reson. Med. 42 (1999). The slope is the median of the slopes of
+    the lines through any two deciles (Theil and Sen), so that a lesion or a bright coil changes it little. Raises
+    InputError for a volume without contrast, of labels or of colours.
     """
     before, after = _landmarks(reference), _landmarks(scan)
     slopes = [

@@ -8,34 +8,35 @@ from renderer.statistics.background import Background, shortest_interval
 from renderer.statistics.coarse_cells import are_deep
 from renderer.statistics.voxel_sample import VoxelSample
 
-# The number of voxels along each axis of a block. Means over blocks tell the medium from noise.
+# The number of voxels along each axis of a block of voxels. A medium is found by the means of blocks, which are less
+# noisy than voxels.
 _SIDE = 4
-# The smallest share of visible voxels in a block that counts as whole.
+# A block of voxels counts as whole if more than this share of its voxels are visible.
 _MIN_WHOLE = 0.97
-# The smallest share of the visible voxels that lie in whole blocks, in a bulky medium.
+# There is a medium only if whole blocks hold at least this share of the visible voxels: a medium is bulky.
 _MIN_BULK = 0.7
-# The least number of whole blocks in a medium.
+# There is a medium only if there are at least this many whole blocks of voxels.
 _MIN_BLOCKS = 64
-# The smallest share of the whole blocks whose means are near the middle of the medium. In 13 bulky scans without a
-# medium it is 0.02 to 0.65.
+# There is a medium only if at least this share of the whole blocks have means near the medium's value. In 13 bulky
+# scans without a medium it is 0.02 to 0.65.
 _MIN_SHARE = 0.7
-# The largest distance of such a mean from the middle of the medium, as a part of the contrast between medium and
+# The mean of a block is near the medium's value if it differs by less than this part of the contrast between medium and
 # background.
 _NEAR = 0.1
-# The largest width of the shortest interval that holds half of the blocks' means, as a part of this contrast. In 13
-# bulky scans without a medium it is 0.12 to 1.6.
+# There is a medium only if the shortest interval that holds half of the blocks' means is at most this part of the
+# contrast between medium and background. In 13 bulky scans without a medium it is 0.12 to 1.6.
 _MAX_WIDTH = 0.1
-# The smallest share of the voxels denser than the medium that lie deep inside it. With less, the medium is not around
-# an object.
+# A medium is around an object only if at least this share of the voxels that are denser than the medium lie deep inside
+# the visible part.
 _MIN_ENCLOSED = 0.4
-# The smallest share of the visible voxels that are denser than the medium.
+# A medium is around an object only if at least this share of the visible voxels are denser than the medium.
 _MIN_OBJECT = 1e-3
-# The medium ends this many standard deviations of its noise from its middle.
+# The range of a medium's values ends this many standard deviations of its noise from its middle.
 _NOISE_SIGMAS = 5.0
 
 
 def find_medium(sample: VoxelSample, background: Background, first: float) -> Background | None:
-    """Return an even medium that surrounds an object, described as a background; None without such a medium.
+    """Return the range of values of an even medium that surrounds an object; None without such a medium.
 
     first: the normalised value above which voxels are visible.
     """

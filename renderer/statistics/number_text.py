@@ -9,5 +9,5 @@ def format_number(value: float) -> str:
 
 
 def format_percent(part: float) -> str:
-    """Return a share as a percentage with two digits; less than a millionth counts as nothing."""
+    """Return a share as text, a percentage with two digits; a share of less than half a millionth is 0 %."""
     return f"{100 * part:.0f} %" if part >= 0.0995 else f"{100 * round(part, 6):.2g} %"

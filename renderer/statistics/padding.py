@@ -13,30 +13,34 @@ from renderer.statistics.background import Background, background_at, fill_with_
 from renderer.statistics.voxel_sample import SAME, ValueRange, VoxelSample, faces, sample_volume
 from renderer.volume import Array, Bools, Float64, Volume
 
-# The smallest share of the border's voxels that are padding.
+# Voxels of one value are padding only if at least this share of the border's voxels have the value.
 _MIN_OF_BORDER = 0.5
-# The largest share of all voxels that are padding: the corners around a ball that touches the border have 0.48.
+# Voxels of one value are padding only if at most this share of all voxels have the value: the corners around a ball
+# that touches the border are 0.48 of the voxels.
 _MAX_OF_VOXELS = 0.35
-# The largest median thickness of padding on each face, as a part of the volume's side. Around a ball it is 0.15.
+# Padding has at most this median thickness at each face, as a part of the volume's side. Around a ball it is 0.15.
 _MAX_THICKNESS = 0.1
-# The smallest share of air among the voxels inside padding. A brain template has a quarter.
+# At least this share of the voxels inside padding are air. In a brain template, a quarter are.
 _MIN_AIR = 0.1
-# The highest level of air in the range of the other values, which are scaled to 0 to 1. A higher background may be an
-# object that fills its box. The air of a brain template is at 0.05.
+# Air inside padding is at most at this position in the range of the values inside padding, from 0 to 1. A background
+# with higher values may be an object that fills its box. The air of a brain template is at 0.05.
 _MAX_AIR_VALUE = 0.25
-# The smallest share of the voxels that are denser than air.
+# There is an object inside padding and air if at least this share of the voxels inside padding are denser than air.
 _MIN_OBJECT = 0.01
-# The fewest samples along each axis of a volume that may have padding. Thinner volumes have no inside.
+# Only a volume with at least this many samples along each axis may have padding. Thinner volumes have no inside.
 _MIN_SIDE = 8
 # The percentiles between which the range of a volume's values is measured, so that a few outliers do not count.
 _RANGE_OF_ALL = (0.01, 99.99)
-# The percentiles between which the range of the values inside padding is measured; more of them may be outliers, at the
-# edges.
+# The percentiles between which the range of the values inside padding is measured. The upper end leaves out more values
+# than for a whole volume, because edges may have more outliers.
 _RANGE_BEHIND = (0.01, 99.9)
 
 
 def without_padding(sample: VoxelSample) -> VoxelSample:
-    """Return a sample in which padding, if it is darker than the air, has the air's values, noise included."""
+    """Return a sample in which padding has the values of the air that it encloses, noise included.
+
+    A sample without padding, or with padding that is not darker than the air, is returned unchanged.
+    """
     values, counts = np.unique(faces(sample.normalized)[faces(sample.is_valid)], return_counts=True)
     is_thin = min(sample.normalized.shape) < _MIN_SIDE
     if is_thin or not counts.size or counts.max() < _MIN_OF_BORDER * counts.sum():
@@ -60,7 +64,7 @@ def without_padding(sample: VoxelSample) -> VoxelSample:
 def background_value(volume: Volume) -> float | None:
     """Return the value of the background of a volume; None if it has no background.
 
-    A background lies at one end of the range: a value in its middle that fills the border is an object.
+    A background lies near one end of the range of values: a value in the middle that fills the border is an object.
     """
     low, high = volume.value_range()
     if low == high or volume.is_labels:
@@ -76,7 +80,10 @@ def background_value(volume: Volume) -> float | None:
 
 
 def _is_air(air: Background, inside: Float64) -> bool:
-    """Return whether a background inside padding is air around an object."""
+    """Return whether a background that was found inside padding is air around an object.
+
+    inside: the normalised values of all voxels inside padding, [n].
+    """
     low, high = np.percentile(inside, _RANGE_BEHIND).tolist()
     share = float(np.mean((inside >= air.low) & (inside <= air.high)))
     is_dark = air.middle - low < _MAX_AIR_VALUE * (high - low)
@@ -84,9 +91,9 @@ def _is_air(air: Background, inside: Float64) -> bool:
 
 
 def _values_behind(sample: VoxelSample, has_value: Bools) -> tuple[Float64, Bools] | None:
-    """Return the first values inside padding, as many from each face, [n], and which voxels are padding.
+    """Return the values just inside padding, the same number from each face, [n], and which voxels are padding.
 
-    has_value: which voxels have the value of padding. Returns None if the padding is too thick.
+    has_value: which voxels have the value of padding, bool [z, y, x]. Returns None if the padding is too thick.
     """
     values, is_padding = list[Array](), np.zeros_like(has_value)
     for axis in range(3):

@@ -8,9 +8,10 @@ import numpy as np
 
 from renderer.statistics.voxel_sample import VoxelSample
 
-# The largest ratio of second to first differences between neighbours in a smooth field.
+# A field is smooth if the ratio of second to first differences between neighbours is less than this.
 _SMOOTH = 0.58
-# The largest correlation of neighbouring voxels in noise. In the noisiest of 20 scans it is 0.7.
+# Values are nothing but noise if the correlation of neighbouring voxels is less than this. In the noisiest of 20 scans
+# it is 0.7.
 _MIN_CORRELATION = 0.3
 
 

@@ -7,18 +7,19 @@ import numpy as np
 from renderer.statistics.voxel_sample import SAME, VoxelSample
 from renderer.volume import Float64
 
-# The values of a statistical map, such as t or z, are noise with a normal distribution around a middle: the 30 % of the
-# values that are nearest to it lie within 0.385 standard deviations, 70 % within 1.036.
+# The distance from the middle of a normal distribution, in standard deviations, within which 70 % of the values lie.
+# Most values of a statistical map, such as t or z, are noise with such a distribution.
 _SIGMAS_OF_70_PERCENT = 1.036
-# The least and the largest ratio of these two distances in a statistical map; a normal distribution has 2.69. A map
-# with a few active places has 2.7, an orbital 115, seismic waves 3.4, a distance field 1.9, uniform values 2.3.
+# In a statistical map, the distance from the middle within which 70 % of the values lie is between these multiples of
+# the distance within which 30 % lie. A normal distribution has 2.69, a map with a few active places 2.7, an orbital
+# 115, seismic waves 3.4, a distance field 1.9, uniform values 2.3.
 _NORMAL_RATIOS = (2.45, 3.2)
-# Noise ends this many standard deviations from the middle: 6 of 100,000 voxels are outside.
+# The noise of a statistical map ends this many standard deviations from its middle: 6 of 100,000 voxels are outside.
 _MAP_NOISE_SIGMAS = 4.0
-# The least distance from the middle, in standard deviations, of a voxel that stands out from noise. In noise alone, one
-# of two million voxels does.
+# A voxel of a statistical map stands out from noise if it is farther than this from the middle, in standard deviations.
+# In noise alone, one of two million voxels is.
 _OUTSTANDING_SIGMAS = 5.0
-# The least number of sampled voxels that stand out in a statistical map.
+# Values are a statistical map only if at least this many sampled voxels stand out from noise.
 _MIN_OUTSTANDING = 8
 
 
@@ -31,8 +32,8 @@ def is_about_zero(sample: VoxelSample) -> bool:
 def noise_reach(sample: VoxelSample, middle: float) -> float:
     """Return how far noise reaches from the middle of a statistical map, normalised; 0 for other volumes.
 
-    Voxels whose value is exactly the middle lie outside the mapped object, and do not count. A map needs some voxels
-    that stand out.
+    Voxels whose value is exactly the middle lie outside the mapped object, and do not count. A volume is a statistical
+    map if its noise has a normal distribution, and some voxels stand out from it.
     """
     distances = np.abs(sample.normalized[sample.is_valid] - middle)
     distances = distances[distances > SAME]
@@ -46,5 +47,5 @@ def noise_reach(sample: VoxelSample, middle: float) -> float:
 
 
 def tail_ratio(distances: Float64) -> float:
-    """Return the largest of some positive distances, outliers left out, divided by their median."""
+    """Return the largest distance, outliers left out, divided by the median distance. distances: positive, [n]."""
     return float(np.percentile(distances, 99.8)) / float(np.median(distances)) if distances.size else 1.0

@@ -13,9 +13,9 @@ import numpy as np
 from renderer.statistics.histogram import Statistics, safe_scale
 from renderer.volume import Array, Bools, Float64, Volume
 
-# The most samples along each axis. Two million voxels are enough for a transfer function.
+# The largest number of samples along each axis of a volume. Two million voxels are enough for a transfer function.
 _MAX_SAMPLES_PER_AXIS = 128
-# The smallest share of the border's voxels that must have data, for the background to be found there.
+# The background is found at the border only if at least this share of the border's voxels have data.
 _MIN_VALID_FRACTION = 0.1
 # Normalised values that differ by no more than this count as equal.
 SAME = 1e-9
@@ -23,7 +23,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True)
 class VoxelSample:
-    """A sample of the voxels, on a coarser grid, normalised to the volume's range.
+    """A sample of the voxels of a volume, on a coarser grid, with values normalised to the volume's range.
 
     normalized: float64 [z, y, x] in [0, 1].
     is_valid: bool [z, y, x]; False for voxels without data, and for values outside of the range.
@@ -62,15 +62,15 @@ class VoxelSample:
         return (value * scale - low) / extent
 
     def _scaled_range(self) -> tuple[float, float, float]:
-        """Return the lowest value of the range and its width, both scaled, and their factor, a power of two."""
+        """Return the lowest value and the width of the range, both scaled, and the scale, a power of two."""
         scale = safe_scale(self.minimum, self.maximum)
         return self.minimum * scale, self.maximum * scale - self.minimum * scale, scale
 
     def round_value(self, value: float, gap: float = 1.0) -> float:
-        """Round a data value to about a thousandth of the range, or to a twentieth of `gap`.
+        """Round a data value to about a thousandth of the range, or to a twentieth of `gap` if that is finer.
 
-        gap: the normalised distance to the next point; points stay apart. Values that have no such decimals are
-            returned unchanged.
+        gap: the normalised distance to the next control point, so that points stay apart. If the range is too large or
+            too small for this, the value is returned unchanged.
         """
         extent = abs(self.maximum - self.minimum) * min(1.0, 50 * gap)
         if not 1e-290 < extent < 1e290:
@@ -78,15 +78,15 @@ class VoxelSample:
         decimals = 3 - math.floor(math.log10(extent))
         if decimals > -12 and abs(value) < 1e15:
             return float(round(value, max(decimals, 0))) + 0.0
-        # On a large offset, keep as many digits as tell values apart, and zeros before the decimal point.
+        # Values far from 0, compared with their range, keep as many digits as tell them apart.
         digits = 1 + decimals + math.floor(math.log10(abs(value))) if value else 1
         return float(f"{value:.{min(max(digits, 5), 17)}g}")
 
     def valid_values(self) -> tuple[Float64, Float64]:
-        """Return the valid values on the six faces, [m], and all valid values, [n].
+        """Return the valid normalised values on the six faces of the volume, [m], and all valid values, [n].
 
-        If hardly any voxel on the faces is valid, the fill value is the background, and all values are returned for the
-        faces.
+        If hardly any voxel on the faces is valid, the value that voxels without data are filled with is the background,
+        and values without data are returned, too.
         """
         border, are_valid = faces(self.normalized), faces(self.is_valid)
         if np.mean(are_valid) < _MIN_VALID_FRACTION:
@@ -102,9 +102,9 @@ class VoxelSample:
         return replace(self.mapped(lambda values: 1 - values), minimum=self.maximum, maximum=self.minimum)
 
     def with_logarithms(self, smallest: float) -> VoxelSample:
-        """Return the sample with its values, none of them negative, replaced by their logarithms to base 10.
+        """Return the sample with its values, of which none is negative, replaced by their logarithms to base 10.
 
-        smallest: the share of the maximum by which all smaller values are replaced.
+        smallest: a share of the volume's maximum; smaller values count as this share.
         """
         first, high = math.log10(smallest), math.log10(self.maximum)
 
@@ -114,7 +114,7 @@ class VoxelSample:
         return replace(self.mapped(logarithms), minimum=high + first, maximum=high)
 
     def shares(self, normalized: Float64) -> Float64:
-        """Return normalised values as shares of the maximum; no value of the volume is negative."""
+        """Return normalised values as shares of the volume's maximum. No value of the volume may be negative."""
         low, extent, _ = self._scaled_range()
         return np.asarray((low + extent * normalized) / (low + extent))
 
@@ -155,7 +155,7 @@ def sample_volume(volume: Volume, statistics: Statistics | ValueRange, fill: flo
     here = sampled(0, 0)
     own, is_within = normalized(here), are_within(here)
     neighbours = np.stack([normalized(sampled(*step)) for step in ((0, -1), (0, 1), (-1, 0), (1, 0))])
-    # Isolated voxels are not left as holes.
+    # Isolated voxels with values outside the range get the median of their neighbours, and leave no holes.
     is_isolated = ~is_within & ~np.isnan(here)
     own[is_isolated] = np.median(neighbours[:, is_isolated], axis=0)
     side_x, side_y, side_z = volume.spacing.tolist()
@@ -176,7 +176,7 @@ def sample_volume(volume: Volume, statistics: Statistics | ValueRange, fill: flo
 
 
 def faces(cube: Array) -> Array:
-    """Return the values on the six faces of an array [z, y, x], the same number from each face: [n].
+    """Return the values on the six faces of an array, the same number from each face, [n]. cube: [z, y, x].
 
     Values of small faces are repeated, so that an object which fills the two large faces of a slab does not fill most
     of its border.

@@ -15,8 +15,8 @@ from renderer.statistics import compute_statistics, find_background, sample_volu
 from renderer.suggest.palette import in_8_bits
 from renderer.volume import Channel, Volume
 
-# The colours for channels whose file gives none, used in turn. People who cannot tell red from green can tell the first
-# two apart.
+# The colours of channels whose file gives no colour, used in turn. People who cannot tell red from green can tell the
+# first two apart.
 _COLORS: tuple[Color, ...] = (
     (0.0, 1.0, 0.0),
     (1.0, 0.0, 1.0),
@@ -27,20 +27,21 @@ _COLORS: tuple[Color, ...] = (
     (1.0, 0.5, 0.0),
     (1.0, 1.0, 1.0),
 )
-# The most channels of a volume that are shown.
+# The largest number of channels of a volume; a volume with more channels is an error.
 _MAX_CHANNELS = 64
-# The percentile of the values above the background that is shown in the full colour.
+# A channel has its full colour from this percentile of the values above its background on.
 _BRIGHT_PERCENTILE = 99.0
-# The percentile that is shown as nothing if no background stands apart, as in tissue that fills the picture: there, the
-# light of lower values would add up to white.
+# A channel without a background, such as tissue that fills the volume, gives no light up to this percentile of its
+# values: the light of lower values would add up to white.
 _DARK_PERCENTILE = 80.0
-# The most voxels along each axis whose light is added up along rays.
+# The weight of a channel follows from the light along rays through a coarser grid of voxels: every second voxel from
+# twice this number of voxels on an axis on, every third from three times this number on, and so forth.
 _SAMPLED_SIDE = 96
-# The least light of a bright ray, as a part of the light of the brightest ray.
+# A ray through a channel counts as bright if its light is more than this part of the light of the brightest ray.
 _LEAST_BRIGHT = 0.1
-# The percentile of the bright rays' light that becomes full brightness.
+# The weight of a channel makes this percentile of the light of its bright rays the full brightness.
 _FULL_PERCENTILE = 93.0
-# The largest weight of a channel; the smallest is its reciprocal.
+# The largest weight that is suggested for a channel; the smallest weight is the reciprocal of this number.
 _MOST_WEIGHT = 50.0
 
 
@@ -73,9 +74,10 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
 
 
 def _common_window(steps: Iterable[Volume]) -> tuple[tuple[float, float], Volume]:
-    """Return the range in which a channel is shown, from nothing to its full colour, by some of its steps in time.
+    """Return the range of values between no light and full colour for all steps in time, and the brightest step.
 
-    Each end of the range is the highest of any step. The brightest step is returned, too.
+    steps: one channel at some steps in time. Each end of the range is the highest of any step. The brightest step is
+    the step whose range has the highest upper end.
     """
     (low, high), brightest = (-math.inf, -math.inf), None
     for volume in steps:
@@ -87,7 +89,7 @@ def _common_window(steps: Iterable[Volume]) -> tuple[tuple[float, float], Volume
 
 
 def suggest_window(volume: Volume) -> tuple[float, float]:
-    """Return the range of values in which a channel is shown: from nothing to its full colour."""
+    """Return the lowest value of a channel that gives light, and the value from which on it has its full colour."""
     statistics = compute_statistics(volume.values, volume.source)
     shown = statistics.without_outliers or statistics
     if shown.minimum == shown.maximum:
@@ -101,7 +103,10 @@ def suggest_window(volume: Volume) -> tuple[float, float]:
 
 
 def suggest_weight(volume: Volume, window: tuple[float, float]) -> float:
-    """Return the weight, rounded to two digits, with which bright rays along the axes are about fully bright."""
+    """Return the weight of a channel, to two digits, with which bright rays along the axes are about fully bright.
+
+    window: the values of no light and of full colour.
+    """
     steps = [max(1, num // _SAMPLED_SIDE) for num in volume.values.shape]
     sampled = volume.values[tuple(slice(None, None, step) for step in steps)].astype(np.float64)
     low, high = window
@@ -116,7 +121,7 @@ def suggest_weight(volume: Volume, window: tuple[float, float]) -> float:
 
 
 def with_own_names(layers: list[LayerSpec]) -> Iterator[LayerSpec]:
-    """Yield layers; a name that an earlier layer has, too, gets a number."""
+    """Yield the layers with different names: if an earlier layer has the same name, the layer's number is added."""
     names: list[str] = []
     for number, layer in enumerate(layers, 1):
         name = f"{layer.name} ({number})" if layer.name and layer.name in names else layer.name

@@ -29,13 +29,14 @@ from renderer.volume import Volume
 def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
 
-    read: reads the voxels of one channel at one step in time. The first channel that is read names all channels; only
-    some of several steps are read. Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
+    read: reads the voxels of one channel at one step in time, with a list of all channels. Of a long time series, only
+    some steps are read. Raises InputError for a volume that cannot be read or drawn, and for a wished preset that
+    cannot be read or does not suit the volume.
     """
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")
     asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
     found = read(replace(volume, component=asked) if may_have_channels else volume)
-    if found.labels and found.channels and volume.component is None:  # segments, read as one volume
+    if found.labels and found.channels and volume.component is None:  # channels of labels are one volume
         found = read(volume)
     raise_problems(volume_problems(volume_extent(found), found.name))
     num_times = found.num_times if volume.time is None else 1

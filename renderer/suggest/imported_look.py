@@ -19,16 +19,18 @@ from renderer.suggest.recognition import offset_text
 from renderer.suggest.suggestion import LEAST_OPACITY, Suggestion, transparent_between
 from renderer.suggest.wishes import LABELS_WISH, WISHES
 
-# The smallest share of a transfer function's range that the values of the volume cover, if the function suits them.
+# A transfer function suits a volume if the volume's values cover at least this share of the range of values that the
+# function shows.
 _LEAST_COMMON = 0.5
 
 
 def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> Suggestion:
-    """Return a suggestion with the transfer function of a preset or a file. Raises SceneError if it cannot be read.
+    """Return a suggestion with the transfer function of a preset or a file.
 
     A function given in shares of a range is stretched over the values above the middle of the background. A function
     given in values is shifted by `zero`, the stored value of 0 Hounsfield units; if `zero` is None, a note says if the
-    function's values do not fit the volume's.
+    function's values do not fit the volume's. wish: the name of the preset or the path of the file; `file#NAME` picks
+    one function of a file. Raises SceneError if the function cannot be read.
     """
     file, _, name = wish.partition("#")
     given: dict[str, Any] = {"import": file} | ({"name": name} if name else {})
@@ -69,9 +71,10 @@ def _opacity_at(points: Sequence[ControlPoint], value: float) -> float:
 
 
 def _misfits(points: Sequence[tuple[float, float]], name: str, span: Sequence[float]) -> Iterator[str]:
-    """Yield a note if the points suit other values than those of the object, whose range is `span`.
+    """Yield a note if the object's values cover too little of the range that a transfer function shows.
 
-    points: (value, opacity).
+    points: the function's pairs (value, opacity). name: the name of the function. span: the lowest and the highest
+    value of the object.
     """
     seen = [(first, last) for (first, before), (last, after) in pairwise(points) if before or after]
     low, high = (seen[0][0], seen[-1][1]) if seen else span

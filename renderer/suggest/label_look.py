@@ -26,21 +26,23 @@ from renderer.suggest.suggestion import ShownLayer, Suggestion
 from renderer.suggest.turntable_rays import TurntableRays, cast_rays
 from renderer.volume import Bools, Float64, Volume
 
-# The light has no occlusion: it is computed for whole voxels, and would show the stairs of a label's surface.
+# The light on labels. It has no occlusion, because occlusion is computed for whole voxels and would show the stairs in
+# a label's surface.
 _SHADING = replace(SHADING, ambient=0.45, diffuse=0.6, occlusion=0.0)
-# The least optical depth, for 1 % of the volume's diagonal, of a label that does not enclose others. Its surface looks
-# solid.
+# The least optical depth, along 1 % of the volume's diagonal, of a label that does not enclose others. With it, the
+# label's surface looks solid.
 _SOLID_DEPTH = 6.0
-# The most labels whose densities are solved one by one; more labels all have the same density.
+# The densities of up to this many labels are solved one by one; more labels all have the same density.
 _MAX_SOLVED = 10
-# The smallest share that an enclosing label covers of the projections of all smaller labels, along each axis.
+# A label encloses others if, along each axis, its projection covers more than this share of the projections of all
+# smaller labels.
 _ENCLOSING_COVERAGE = 0.85
 # The share of the picture that an enclosing label gets, compared with a label that does not enclose others.
 _ENCLOSING_SHARE = 0.4
 
 
 def _background_label(sample: VoxelSample, values: Sequence[float]) -> float | None:
-    """Return the most frequent label at the border; None if voxels without data are more frequent there."""
+    """Return the most frequent label at the volume's border; None if voxels without data are more frequent there."""
     mode = border_mode(sample)
     at_border = sample.denormalize(mode)
     nearest = min(values, key=lambda value: abs(value / 2 - at_border / 2))
@@ -105,7 +107,10 @@ def _labels_with_table(solved: Mapping[int, float], known: KnownLabels) -> Label
 def labels_with_looks(
     opacities: Mapping[int, float], colors: Mapping[int, Color], names: Mapping[int, str]
 ) -> LabelsSpec:
-    """Return the labels that `opacities` has, in its order. `colors` and `names` may have further labels."""
+    """Return a scene's labels, with colours, opacities and names: the labels that `opacities` has, in that order.
+
+    colors: a colour for each of these labels. names: the names of some. Both may have further labels.
+    """
     named = tuple((value, names[value]) for value in opacities if value in names)
     different = {*opacities.values()}
     return LabelsSpec(
@@ -117,7 +122,7 @@ def labels_with_looks(
 
 
 def _hidden_note(hidden: Sequence[int], known: KnownLabels) -> tuple[str, ...]:
-    """Return a clause on the labels that a table hides."""
+    """Return a note that names the labels that a table of labels hides."""
     names = join_some([known.names.get(value, f"label {value}") for value in hidden])
     return (f"the table of labels hides {names}",)
 
@@ -131,7 +136,10 @@ def number_sample(sample: VoxelSample, shown: Sequence[int]) -> VoxelSample:
 
 
 def _solve_label_depths(sample: VoxelSample, rays: TurntableRays, num: int) -> Float64:
-    """Return the optical depth of each label, float64 [num], as `solve_depths` does. sample: of the labels' numbers."""
+    """Return the optical depth of each label along 1 % of the volume's diagonal, float64 [num].
+
+    sample: a sample of the labels' numbers, from `number_sample`. num: the number of labels.
+    """
     first = 0.5 / num
     all_alike = Layer("", ((first, 0.0), (first, 1.0)), min_depth=_SOLID_DEPTH)
     layers = _layers(sample, num) if num <= _MAX_SOLVED else [all_alike]
@@ -139,7 +147,10 @@ def _solve_label_depths(sample: VoxelSample, rays: TurntableRays, num: int) -> F
 
 
 def _visible_shares(rays: TurntableRays, depths: Float64) -> Float64:
-    """Return each label's share of the picture. rays: rays through the sample of the labels' numbers."""
+    """Return each label's share of the picture.
+
+    rays: rays through the sample of the labels' numbers. depths: each label's optical depth, along 1 % of the diagonal.
+    """
     number = np.rint(np.nan_to_num(rays.values) * len(depths)).astype(np.int64)
     taken = 100 * rays.step * np.append(0.0, depths)[number]
     visible = np.exp(taken - np.cumsum(taken, axis=1)) * -np.expm1(-taken)
@@ -166,6 +177,6 @@ def _layers(sample: VoxelSample, num: int) -> list[Layer]:
 
 
 def _covers(shadow: Bools, others: Sequence[Bools]) -> bool:
-    """Return whether a label's projection covers most of the union of other labels' projections."""
+    """Return whether a label's projection, `shadow`, covers most of the union of other labels' projections."""
     together = np.any(others, axis=0)
     return int((shadow & together).sum()) > _ENCLOSING_COVERAGE * int(together.sum())

@@ -10,15 +10,16 @@ import numpy as np
 
 from renderer.volume import Bools, Float64
 
-# The smallest weight of a value that is a part of a layer. Values with less weight are edges.
+# A value is part of a layer if its weight in the layer is at least this; a value with less weight lies at the layer's
+# edge.
 _MIN_PART_WEIGHT = 0.5
-# Two values that differ by less count as equal.
+# Two normalised values that differ by less than this count as equal.
 _EVEN = 1e-9
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A material, or a range of values, with the share of the picture that it is to have.
+    """A layer of values: a material, or a range of values, with the share of the picture that it is to have.
 
     name: the name of the material, in words.
     knots: pairs (normalised value, weight), ascending; weights are linear between them and constant outside.
@@ -34,7 +35,7 @@ class Layer:
     max_depth: float = 6.0
 
     def weights(self, values: Float64) -> Float64:
-        """Return the weights of normalised values, of any shape."""
+        """Return the layer's weight at each normalised value. values: float64, of any shape."""
         return np.asarray(np.interp(values, *np.transpose(self.knots)), np.float64)
 
     def covers(self, values: Float64) -> Bools:
@@ -42,7 +43,10 @@ class Layer:
         return self.weights(values) >= _MIN_PART_WEIGHT
 
     def mean_weights(self, one: Float64, other: Float64) -> Float64:
-        """Return the mean weights of all values between two normalised values, so that thin layers are not missed."""
+        """Return the mean of the layer's weight over all values from `one` to `other`, so that no thin layer is missed.
+
+        one, other: normalised values, arrays of one shape.
+        """
         (begin, first), (end, last) = self.knots[0], self.knots[-1]
         # Beyond the outermost knots, weights are constant.
         at, weights = np.array([(begin - 2, first), *self.knots, (end + 2, last)]).T
@@ -60,7 +64,7 @@ class Layer:
         return np.where(is_even, self.weights((one + other) / 2), means)
 
     def ranges(self) -> list[tuple[float, float]]:
-        """Return the ranges of normalised values that have a weight; a range that does not end has an infinite end."""
+        """Return the ranges of normalised values whose weight is above 0; an unbounded range has an infinite end."""
         knots = [(-math.inf, self.knots[0][1]), *self.knots, (math.inf, self.knots[-1][1])]
         found: list[tuple[float, float]] = []
         for (low, first), (high, last) in pairwise(knots):

@@ -35,10 +35,10 @@ from renderer.volume import Float64, Volume
 # A look suits a step only if the mean opacity of the step's rays is at least this part of the opacity that the step's
 # own look gives them.
 _LEAST_SHOWN = 0.1
-# A look suits a step only if it shows at most this much more of the border's voxels, where the air is, than the step's
-# own look does, as a share of them.
+# A look suits a step only if the share of the border's voxels that it shows, where the air is, is larger by at most
+# this than the share that the step's own look shows.
 _MOST_AIR = 0.02
-# A step with less than this part of the most visible step's opacity shows next to nothing.
+# A step is reported as showing next to nothing if its mean opacity is less than this part of the most opaque step's.
 _NEXT_TO_NOTHING = 0.05
 
 
@@ -48,9 +48,9 @@ class _Step:
 
     number: the number of the step.
     found: the suggested look.
-    span: the width of the range of values.
-    rays: samples along rays.
-    sample: the normalisation of values, without voxels.
+    span: the width of the range of the step's values.
+    rays: the step's values along rays.
+    sample: a sample of the step that has lost its voxels, and only serves to normalise values.
     border: the values on the volume's faces.
     background: the background of this step, normalised.
     """
@@ -114,7 +114,7 @@ def _look_at(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> _Step:
     spec, volume, statistics = _read(spec, read, wish)
     found = suggest_read(spec, volume, statistics, wish)
     shown = statistics.without_outliers or statistics
-    if shown.minimum == shown.maximum:  # a sample needs a range
+    if shown.minimum == shown.maximum:  # values cannot be normalised by a range of 0
         shown = replace(shown, minimum=shown.minimum - max(1, abs(shown.minimum)))
     sample = without_padding(sample_volume(volume, shown))
     span, (border, _), empty = sample.maximum - sample.minimum, sample.valid_values(), np.empty((0, 0, 0))
@@ -130,9 +130,10 @@ def _look_at(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> _Step:
 
 
 def _most_suitable(steps: Sequence[_Step], widest: _Step) -> tuple[_Step, Suggestion]:
-    """Return the step whose look suits most steps, and this look. Among equals, `widest` comes first.
+    """Return the step whose look suits most steps, and this look. If several suit equally many, `widest` comes first.
 
-    Steps without a background are left out, because nothing tells the object from its surroundings there.
+    widest: the step with the widest range of values. Steps without a background are left out, because nothing tells the
+    object from its surroundings there.
     """
     backed = [step for step in steps if step.background.is_there]
     own = [(step.shown(step.found.suggestion), step.air_shown(step.found.suggestion)) for step in backed]

@@ -6,16 +6,16 @@ import math
 
 
 def opacity_unit_length(diagonal: float) -> float:
-    """Return the length that opacities refer to: about 1 % of the diagonal, 1, 2 or 5 times a power of ten."""
+    """Return the length that opacities refer to: about 1 % of a volume's diagonal, 1, 2 or 5 times a power of ten."""
     exponent = math.floor(math.log10(diagonal / 100))
     digits = diagonal / 100 / 10.0**exponent
     return float(f"{1 if digits < 1.5 else 2 if digits < 3.5 else 5 if digits < 7.5 else 10}e{exponent}")
 
 
 def opacity_from_depth(depth: float, diagonal: float) -> float:
-    """Return the opacity of a unit length, from the optical depth of 1 % of the diagonal.
+    """Return the opacity of a unit length from the optical depth of 1 % of a volume's diagonal.
 
-    It has no more digits than can be seen.
+    The opacity has no more digits than can be seen.
     """
     exact = depth * (opacity_unit_length(diagonal) / (diagonal / 100))
     opacity, clear = -math.expm1(-exact), math.exp(-exact)

@@ -23,17 +23,19 @@ from renderer.suggest.turntable_rays import TurntableRays
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float32, Float64
 
-# The smallest opacity of a ray that counts as meeting anything.
+# A ray meets a layer if the ray's opacity is more than this; other rays do not count for the mean opacity of a picture.
 _MIN_RAY_OPACITY = 0.01
 # The number of steps of the search for densities. With more steps, opacities change by less than 2 %.
 _NUM_STEPS = 24
-# The natural logarithm of the largest factor, 20,000, by which the second of two layers becomes thinner.
+# To give the first of two layers its share of the picture, the second layer is made thinner by a factor of at most
+# 20,000. This is the natural logarithm of the factor.
 _MAX_LOG_FACTOR = 10.0
-# The natural logarithm of the largest factor, 8, by which the second of two layers becomes denser.
+# To give the first of two layers its share of the picture, the second layer is made denser by a factor of at most 8.
+# This is the natural logarithm of the factor.
 _MAX_LOG_DENSER = math.log(8)
-# The smallest optical depth of a layer, for 1 % of the volume's diagonal.
+# The smallest optical depth that is solved for a layer, for 1 % of the volume's diagonal.
 _MIN_DEPTH = 0.01
-# The optical depth with which the search begins, for 1 % of the volume's diagonal.
+# The optical depth of a layer with which the search for densities begins, for 1 % of the volume's diagonal.
 _FIRST_DEPTH = 0.3
 # The optical depth from which on a surface looks crisp, for 1 % of the volume's diagonal.
 CRISP_SURFACE_DEPTH = 0.8
@@ -51,7 +53,10 @@ class Visibility(NamedTuple):
 
 
 def measure_visibility(rays: TurntableRays, layers: Sequence[Layer], depths: Float64) -> Visibility:
-    """Return the shares in a picture of layers whose optical depths, for 1 % of the diagonal, are given."""
+    """Return each layer's share of the picture, and how much of the picture the layers cover.
+
+    depths: the optical depth of each layer at weight 1, for 1 % of the volume's diagonal, float64 [layers].
+    """
     return _measure(_weights(rays, layers), depths)
 
 
@@ -60,7 +65,7 @@ def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, 
 
     coverage: the mean opacity of the rays that meet any layer. by_area: multiply each layer's share by the part of the
     rays that meet the layer, so that a small layer inside others is not given a share that it cannot reach, and does
-    not hide them. Layers that no ray meets become crisp.
+    not hide them. A layer that no ray meets gets the depth of a crisp surface.
     """
     weights = _weights(rays, layers)
     areas = weights.any(axis=2).mean(axis=1)
@@ -78,7 +83,7 @@ def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, 
 
 
 def balance(weights: Float32, share: float) -> tuple[float, float]:
-    """Return factors on the densities of two layers that give the first layer this share of the picture.
+    """Return factors on the densities of two layers that give the first layer the share `share` of the picture.
 
     The second layer becomes thinner, or denser up to a bound; only if this is not enough, the first layer becomes
     thinner. weights: the weights from `step_weights`, [2, rays, steps], on rays that meet both layers.
@@ -93,14 +98,17 @@ def balance(weights: Float32, share: float) -> tuple[float, float]:
 
 
 def _weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
-    """Return the weights of the steps between samples, without the steps in which no layer has a weight."""
+    """Return the layers' weights in the steps of rays, [layers, rays, steps], without steps in which all weights are 0.
+
+    The weights are multiplied by the lengths of the steps, as in `step_weights`.
+    """
     return _compact(step_weights(rays, layers))
 
 
 def step_weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
-    """Return the layers' weights in the steps between samples, times the steps' lengths in 1 % of the diagonal.
+    """Return the layers' weights in the steps between two samples of a ray, times the steps' lengths.
 
-    The array is [layers, rays, steps].
+    The unit of length is 1 % of the volume's diagonal. Returns float32 [layers, rays, steps].
     """
     before, after = rays.values[:, :-1], rays.values[:, 1:]
     is_inside = ~(np.isnan(before) | np.isnan(after))
@@ -113,9 +121,10 @@ def step_weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
 
 
 def depths_along(look: TransferSpec, sample: VoxelSample, rays: TurntableRays, unit: float) -> Float32:
-    """Return the optical depths of the steps of rays with a look, [rays, steps].
+    """Return the optical depth of each step of rays through a volume, float32 [rays, steps].
 
-    sample: a sample of the volume that the rays pass. unit: the world length of which the rays' steps are shares.
+    look: the transfer function that gives the volume its optical depth. sample: a sample of the volume. unit: the world
+    length of which the rays' steps are shares.
     """
     transfer = make_transfer_function(look, min(sample.spacing))
     at, depths = map(sample.normalize, transfer.values.tolist()), (transfer.extinctions * unit / 100).tolist()
@@ -123,7 +132,10 @@ def depths_along(look: TransferSpec, sample: VoxelSample, rays: TurntableRays, u
 
 
 def _compact(weights: Float32) -> Float32:
-    """Leave out the steps without a weight; the remaining steps of each ray close up."""
+    """Return the weights without the steps in which all weights are 0; the remaining steps of each ray close up.
+
+    weights: [layers, rays, steps]; rays that have fewer steps left end with weights of 0.
+    """
     is_seen = weights.any(axis=0)
     order = np.argsort(~is_seen, axis=1, kind="stable")[:, : max(1, int(is_seen.sum(axis=1).max(initial=0)))]
     return np.take_along_axis(weights, order[None], axis=2)

@@ -20,17 +20,18 @@ from renderer.suggest.wishes import NO_WISH, Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float64
 
-# The upper volume's share of the picture, on the rays that meet both volumes.
+# The share of the picture that the upper of two volumes gets, on the rays that meet both volumes.
 UPPER_SHARE = 2 / 3
-# The percentiles, of the gradients of visible voxels, between which a shell fades in.
+# A translucent shell is invisible at gradients below the first of these percentiles of its volume's gradients, and
+# fully visible above the second. Only visible voxels count.
 _SHELL_PERCENTILES = (60, 98)
-# The gradients between which a shell fades in if it shows all gradients alike.
+# The gradients between which a shell fades in if it shows all gradients alike: no gradient is below 0.
 _EVERY_GRADIENT = (-1.0, 0.0)
-# The largest chroma of a colour that counts as grey, in CIELAB.
+# A colour counts as grey if its chroma, in CIELAB, is at most this.
 _MAX_GREY_CHROMA = 15.0
 _WARM = (1.0, 0.68, 0.36)
 _GREY = (1.0, 1.0, 1.0)
-# The weights of red, green and blue in luminance.
+# The weights of red, green and blue in the luminance of a colour.
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
@@ -39,7 +40,8 @@ def suggest_over(
 ) -> tuple[VolumeSuggestion, VolumeSuggestion]:
     """Suggest how to show a volume over the volume `under`, each at its position in the world, with weights for both.
 
-    wish: the wish for the upper volume. Other parameters and errors are as in `suggest_for`.
+    read: reads the voxels of one channel at one step in time. wish: the wish for the upper volume. Raises InputError
+    for a volume that cannot be read or drawn, and for a wished preset that cannot be read or does not suit the volume.
     """
     (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, NO_WISH)
     if wish == NO_WISH and not upper.volume.has_colors and _has_grey(upper.suggestion):
@@ -60,7 +62,7 @@ def suggest_over(
     if not are_both.any():
         return upper, lower
     of_upper, of_lower = (float(f"{weight:.2g}") for weight in balance(weights[:, are_both], UPPER_SHARE))
-    if (shading := lower.suggestion.shading) is not None:  # there are no shadows inside a shell
+    if (shading := lower.suggestion.shading) is not None:  # a translucent shell casts no shadow
         is_even = ends == _EVERY_GRADIENT or lower.volume.has_colors
         points = None if is_even else ((ends[0], 0.0), (ends[1], 1.0))
         shading = replace(shading, occlusion=0.0, gradient_opacity=points)
@@ -69,14 +71,18 @@ def suggest_over(
 
 
 def _suggest(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> tuple[VolumeSuggestion, VoxelSample]:
-    """Return the parts of a suggestion that hold beside another volume, too, and a sample of the visible part."""
+    """Return the suggestion for a volume beside another one, and a sample of the part that clip planes leave.
+
+    The suggestion keeps its clip planes, but no box: a box would cut the other volume, too. It states no shares of the
+    picture, because the other volume changes them.
+    """
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))
     if volume.num_times > 1 and spec.time is None:
         spec = replace(spec, time="auto")
     spec, volume, statistics = read_in_colors(spec, volume, read, wish)
     found = suggest_read(spec, volume, statistics, wish)
-    if statistics.minimum == statistics.maximum:  # a sample needs a range
+    if statistics.minimum == statistics.maximum:  # values cannot be normalised by a range of 0
         statistics = replace(statistics, minimum=statistics.minimum - max(1, abs(statistics.minimum)))
     sample, suggestion = sample_volume(volume, statistics), found.suggestion
     if (labels := suggestion.transfer.labels) is not None:
@@ -89,7 +95,7 @@ def _suggest(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> tuple[VolumeSugg
 
 
 def _gradients(sample: VoxelSample) -> Float64:
-    """Return the magnitudes of gradients, in data units per world unit, float64 [z, y, x]."""
+    """Return the magnitude of the gradient at each voxel of a sample, float64 [z, y, x], in data units a world unit."""
     spacing = np.array(sample.spacing) / sample.strides
     along_z = np.gradient(sample.normalized, sample.spacing[0], axis=0) if len(sample.normalized) > 1 else 0.0
     left, right, down, up = sample.neighbours
@@ -98,7 +104,10 @@ def _gradients(sample: VoxelSample) -> Float64:
 
 
 def _shell_ends(found: VolumeSuggestion, sample: VoxelSample) -> tuple[float, float]:
-    """Return the gradients between which a shell fades in. Labels, and data without surfaces, are shown whole."""
+    """Return the gradient at which a shell begins to show, and the gradient from which on it shows fully.
+
+    Labels, and data without surfaces, are shown at every gradient.
+    """
     suggestion = found.suggestion
     transfer = make_transfer_function(suggestion.transfer, min(sample.spacing))
     values = sample.minimum + (sample.maximum - sample.minimum) * sample.normalized
@@ -118,7 +127,7 @@ def _has_grey(suggestion: Suggestion) -> bool:
 
 
 def _tinted(suggestion: Suggestion, tint: Color) -> Suggestion:
-    """Return the suggestion with all colours in one hue, as bright as before; colormaps become grey."""
+    """Return the suggestion with all colours in the hue of `tint`, as bright as before; a colormap becomes grey."""
     given = suggestion.transfer.points
     if not given:
         return with_colormap(suggestion, "gray")

@@ -16,13 +16,13 @@ FIELD_COLORMAP = "viridis"
 # The position in the colormap, from 0 to 1, of the colour for the lowest level of a field.
 FIELD_DARKEST = 0.4
 
-# The number of values that each of red, green and blue takes among the colours that are tried.
+# Colours for labels are chosen from a grid of colours, with this many values of each of red, green and blue.
 _STEPS = 12
-# The least lightness of a colour, in CIELAB. Darker colours are lost on black.
+# The least lightness of a colour that is chosen for a label, in CIELAB. Darker colours are lost on black.
 _MIN_LIGHTNESS = 45.0
-# The largest lightness of a colour. Lighter colours look alike.
+# The largest lightness of a colour that is chosen for a label, in CIELAB. Lighter colours look alike.
 _MAX_LIGHTNESS = 92.0
-# The largest chroma of a colour. A more saturated colour outshines all others.
+# The largest chroma of a colour that is chosen for a label, in CIELAB. A more saturated colour outshines all others.
 _MAX_CHROMA = 80.0
 # The colours of the first labels; further colours are as different from them as possible.
 _FIRST_OF_LABELS: tuple[Color, ...] = (
@@ -37,14 +37,14 @@ _FIRST_OF_LABELS: tuple[Color, ...] = (
     (0.54, 0.48, 0.85),
     (0.79, 0.60, 0.42),
 )
-# The most labels that get colours as different as possible; further labels get the colours of a colormap.
+# Up to this many labels get colours as different as possible; if there are more labels, all get colours of a colormap.
 _MAX_DISTINCT_COLORS = 255
-# The colormap whose colours are used in turn if there are more labels.
+# The colormap whose colours are used in turn if there are too many labels for colours as different as possible.
 _MANY_LABELS_COLORMAP = "glasbey"
 
 
 def distinct_colors(first: Sequence[Color], count: int) -> list[Color]:
-    """Return `count` colours: those of `first`, then colours each as different as possible from all before it."""
+    """Return `count` colours: the colours of `first`, then colours as different as possible from all earlier ones."""
     levels = np.linspace(0.0, 1.0, _STEPS)
     colors = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(-1, 3)
     lightness, a, b = to_lab(colors).T
@@ -69,13 +69,13 @@ def in_8_bits(color: Sequence[float]) -> Color:
 
 
 def to_lab(colors: Float64) -> Float64:
-    """Return the CIELAB lightness, a and b of sRGB colours, float64 [n, 3] in [0, 1]."""
+    """Return the CIELAB coordinates lightness, a and b of colours, float64 [n, 3]. colors: sRGB, [n, 3], in [0, 1]."""
     return np.array([lab_from_rgb((red, green, blue)) for red, green, blue in colors.tolist()])
 
 
 @cache
 def label_colors(num: int) -> tuple[Color, ...]:
-    """Return as many colours as different from one another as possible, for labels."""
+    """Return `num` colours for labels, as different from one another as possible."""
     if num <= _MAX_DISTINCT_COLORS:
         return tuple(map(in_8_bits, distinct_colors(_FIRST_OF_LABELS, num)))
     colors = colormap_points(_MANY_LABELS_COLORMAP, _MAX_DISTINCT_COLORS + 1)

@@ -21,7 +21,10 @@ from renderer.volume import Float64
 
 
 def preset_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane]) -> Suggestion:
-    """Return the suggestion of a preset. sample: a sample without the voxels that planes clip away."""
+    """Return a volume's suggestion from a preset: control points whose opacities are solved for the volume.
+
+    sample: a sample of the volume without the voxels that `planes` clip away.
+    """
     kind, reason, preset = choice
     rays = cast_rays(sample)
     solved = solve_depths(rays, preset.layers, preset.coverage, by_area=not preset.is_scan)
@@ -39,9 +42,10 @@ def preset_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plan
 def _control_points(
     sample: VoxelSample, preset: Preset, solved: Float64, visible: Sequence[ShownLayer]
 ) -> tuple[tuple[ControlPoint, ...], tuple[str, ...]]:
-    """Return a control point for each knot of layers and of colours, with a note on the layer that peaks there.
+    """Return the control points of a preset, and a note for each: which layer has its largest weight there, if any.
 
-    solved: the optical depths of the layers, from `solve_depths`.
+    There is a point at each value where a layer's weight or the colour changes its slope. solved: the optical depths of
+    the layers, from `solve_depths`. visible: each layer's share of the picture.
     """
     knots = sorted({at for curve in (preset.colors, *(layer.knots for layer in preset.layers)) for at, _ in curve})
     depths = solved @ np.stack([layer.weights(np.array(knots)) for layer in preset.layers])
@@ -67,7 +71,7 @@ def _control_points(
 
 
 def _shown_layers(sample: VoxelSample, preset: Preset, shares: Float64) -> tuple[ShownLayer, ...]:
-    """Return each layer of a preset as the values that it shows, with its share of the picture."""
+    """Return the values that each layer of a preset shows, with the layer's share of the picture."""
 
     def in_data(low: float, high: float) -> tuple[float, float]:
         one, other = sorted(sample.round_value(sample.denormalize(min(max(end, 0.0), 1.0))) for end in (low, high))

@@ -17,29 +17,29 @@ from renderer.suggest.layer import Layer
 from renderer.suggest.opacity_calibration import CRISP_SURFACE_DEPTH
 from renderer.volume import Bools, Float64
 
-# The mean opacity that the picture of a scan aims at, over the rays that meet anything.
+# Opacities of a scan are solved so that the rays that meet anything have this mean opacity.
 DEFAULT_COVERAGE = 0.94
-# The mean opacity that the picture of a single opaque surface aims at, over the rays that meet it.
+# The opacity of a single opaque surface is solved so that the rays that meet the surface have this mean opacity.
 OPAQUE_COVERAGE = 0.97
 
-# Occlusion dims the ambient light, so that surfaces facing away from the lamp have contrast, too. The lamp is above and
-# in front, on the side that a turntable shows first.
+# The light on surfaces. Occlusion dims the ambient light, so that surfaces facing away from the lamp have contrast,
+# too. The lamp is above and in front, on the side that a turntable shows first.
 SHADING = ShadingSpec(ambient=0.7, diffuse=0.55, light=(0.5, -0.8, 1.0), occlusion=0.8)
 
 # The colour of an object of a single material.
 STONE = (0.86, 0.83, 0.76)
-# The position in the range of a material, from 0 to 1, above which it has its full weight. It begins to show at the end
-# of the material below.
+# The weight of a material rises from 0 at the lowest value of its range to 1 at this part of the range.
 RAMP = 0.35
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A set of layers and colours for a kind of data.
+    """A preset: the layers, colours and light that suit a kind of data.
 
     layers: the layers, whose sum is the extinction.
     colors: pairs (normalised value, colour), ascending; colours are linear between them.
-    coverage: the mean opacity, to aim at, of the rays that meet anything.
+    coverage: the mean opacity that the rays that meet anything are to have.
+    shading: the light on surfaces; None for data without surfaces.
     is_scan: whether the data are a scan of an object, perhaps with a table or the like around it.
     is_closed: whether the object's outside hides its inside, so that a corner is clipped.
     """
@@ -56,7 +56,7 @@ class Preset:
         return np.asarray(np.any([layer.covers(values) for layer in self.layers], axis=0))
 
     def with_inverted_range(self) -> Preset:
-        """Return the preset for the same values with their range inverted."""
+        """Return the preset for inverted values: a normalised value v looks as 1 - v does in this preset."""
         layers = tuple(
             replace(layer, knots=tuple((1 - at, weight) for at, weight in reversed(layer.knots)))
             for layer in self.layers
@@ -67,7 +67,12 @@ class Preset:
 
 
 class Choice(NamedTuple):
-    """A preset that was chosen. kind: the kind of data. reason: the signs by which it was recognised, a clause."""
+    """A preset that was chosen for a volume.
+
+    kind: the kind of the volume's data.
+    reason: the signs by which this kind was recognised, a clause.
+    preset: the preset.
+    """
 
     kind: str
     reason: str
@@ -75,7 +80,10 @@ class Choice(NamedTuple):
 
 
 def flip_light(shading: ShadingSpec) -> ShadingSpec:
-    """Return the light for surfaces with lower values inside, whose gradients point the other way."""
+    """Return the light for objects darker than their surroundings: with the opposite direction, as their gradients are.
+
+    A light whose direction is a word, such as the camera's, stays.
+    """
     if isinstance(shading.light, str):
         return shading
     x, y, z = shading.light
@@ -83,7 +91,10 @@ def flip_light(shading: ShadingSpec) -> ShadingSpec:
 
 
 def two_phase_preset(sample: VoxelSample, threshold: float) -> Preset:
-    """Return the preset that shows the upper of two phases that fill the volume."""
+    """Return the preset for a volume that two phases fill, such as stone and pores. It shows the upper phase.
+
+    threshold: the lowest normalised value of the upper phase.
+    """
     inside, extent = sample.normalized[sample.normalized >= threshold], 1 - threshold
     full = float(np.clip(np.median(inside), threshold + 0.05 * extent, 1 - 0.05 * extent))
     return opaque_preset("the upper phase", threshold, full)

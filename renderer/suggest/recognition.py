@@ -29,34 +29,39 @@ from renderer.suggest.field_presets import diverging_preset, field_preset
 from renderer.suggest.presets import Choice, opaque_preset, two_phase_preset
 from renderer.suggest.scan_presets import ct_preset, materials_preset
 
-# The least normalised distance of the values that are shown from the background, in a smooth field with two signs.
+# In a smooth field with two signs, values nearer to the middle of the background than this part of the range of values
+# are transparent.
 _MIN_AWAY = 0.015
-# The least normalised distance of the values that are shown from the background, in a noisy field with two signs.
+# In a noisy field with two signs, values nearer to the middle of the background than this part of the range of values
+# are transparent.
 _MIN_AWAY_OF_NOISE = 0.025
-# The least ratio of the largest values to the median, in a field with a long tail: its values are floats that spread
-# over orders of magnitude.
+# A field has a long tail, with floats that spread over orders of magnitude, if the ratio of its largest values to its
+# median is more than this.
 _HEAVY_TAIL = 25.0
-# The least share of all voxels that lie above the background if there is an object. With fewer voxels above it, values
+# An object has at least this share of the voxels above the background. With fewer voxels above the background, values
 # may be shown by their logarithms.
 _MIN_TAIL = 0.01
-# The least ratio of the upper to the lower quartile of values that are shown by their logarithms. Noise has 1.2.
+# Values are shown by their logarithms only if the ratio of their upper to their lower quartile is at least this. In
+# noise it is 1.2.
 _MIN_MIDDLE_RATIO = 3.0
-# The least ratio of the 99.9th to the 1st percentile of values that are shown by their logarithms. Noise has 2.
+# Values are shown by their logarithms only if the ratio of their 99.9th to their 1st percentile is at least this. In
+# noise it is 2.
 _MIN_RATIO = 1000.0
-# The least share of the variance that lies between two phases. A normal distribution has 0.64, a uniform one 0.75.
+# Values form two phases only if a threshold divides them into two classes with at least this share of the variance
+# between the classes. A normal distribution has 0.64, a uniform one 0.75.
 _TWO_PHASE_SEPARATION = 0.85
-# The smallest extent of the weaker sign, as a part of the extent of the stronger sign, in a field with two signs. A
-# smaller one is noise.
+# A field has two signs only if the farthest value of the weaker sign is more than this part as far from 0 as the
+# farthest value of the stronger sign. A weaker sign with smaller values is noise.
 _MIN_SECOND_SIGN = 0.2
-# The largest distance from the middle at which a field with two signs begins to show, as a part of the distance to the
-# farthest value.
+# In a field with two signs that fills the volume, values are shown from a distance from 0 on that is at most this part
+# of the distance of the farthest value.
 _MOST_AWAY = 0.75
 # In a volume without a background, the values above this percentile are shown.
 _FILLED_PERCENTILE = 60.0
 
 
 def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Choice:
-    """Return the preset for values that are no labels.
+    """Recognise the kind of data by values that are no labels, and return the preset for this kind.
 
     zero: the stored value of 0 Hounsfield units; None for values in other units. is_float: whether the values are
     floats.
@@ -119,7 +124,10 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
 
 
 def _two_signs_choice(sample: VoxelSample, middle: float, away: float, reason: str) -> Choice:
-    """Return the preset of values at least `away` from a middle, or beyond its noise in a statistical map."""
+    """Return the preset of a field with values on both sides of `middle`.
+
+    Values are shown from the distance `away` from the middle on; in a statistical map, from the end of its noise on.
+    """
     if noise := noise_reach(sample, middle):
         away = noise
         reach = sample.round_value(sample.denormalize(middle + noise) - sample.denormalize(middle))
@@ -151,12 +159,12 @@ def _filled_volume_preset(sample: VoxelSample) -> Choice:
     if not is_smooth(sample, first):
         middle = otsu_threshold(shares, bottom, top) or first
         reason = "there is no background, and values next to each other differ"
-        # Nothing lies around an object that fills the volume.
+        # Nothing lies around an object that fills the volume, so no planes are looked for that clip surroundings away.
         return Choice("filled scan", reason, replace(materials_preset(sample, middle), is_scan=False))
     preset = field_preset(sample, first, origin=float(sample.normalized.min()))
     return Choice("filled volume", "there is no background; the upper 40% of the values are shown", preset)
 
 
 def offset_text(zero: float | None) -> str:
-    """Return a clause about the stored value of 0 Hounsfield units; empty for 0."""
+    """Return a clause on the number `zero` that is added to Hounsfield units in a file; empty if none is added."""
     return f", stored with {zero:g} added" if zero else ""

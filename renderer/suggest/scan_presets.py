@@ -17,7 +17,8 @@ from renderer.suggest.presets import DEFAULT_COVERAGE, OPAQUE_COVERAGE, RAMP, SH
 
 T = TypeVar("T")
 
-# Computed tomography, in Hounsfield units: translucent soft tissue around opaque bone; lungs and air are not shown.
+# The weights of soft tissue and bone in computed tomography, and the colours, at values in Hounsfield units:
+# translucent soft tissue is shown around opaque bone; lungs and air are not shown.
 
 _TISSUE = ((-300.0, 0.0), (-100.0, 0.5), (30.0, 1.0), (140.0, 1.0), (300.0, 0.0))
 _BONE = ((150.0, 0.0), (350.0, 0.6), (900.0, 1.0))
@@ -31,7 +32,7 @@ _CT_COLORS = (
 )
 # The least value of bone, metal and contrast agents, in Hounsfield units.
 _BONE_THRESHOLD = 250.0
-# The smallest share of such voxels in a scan that counts as having bone.
+# A scan has bone if more than this share of its voxels are bone, metal or contrast agents.
 _MIN_BONE_FRACTION = 3e-4
 
 
@@ -47,13 +48,14 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
     return Preset((tissue, bone) if has_bone else (tissue,), normalized(_CT_COLORS), is_scan=True)
 
 
-# Scans of materials that stand out from a background.
+# The colours of scans without Hounsfield units, whose materials stand out from a background.
 
 _BLUE = (0.36, 0.50, 0.86)
 _CLAY = (0.80, 0.47, 0.34)
 _SAND = (0.91, 0.68, 0.42)
 _IVORY = (0.98, 0.95, 0.88)
-# The materials by their number, from the thinnest to the densest: name, colour, and share of the picture.
+# For scans of one, two and three materials: each material's name, colour, and share of the picture, from the thinnest
+# material to the densest.
 _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
     1: (("the object", STONE, 1.0),),
     2: (("the thinner material", _CLAY, 0.4), ("the denser material", _IVORY, 0.6)),
@@ -85,17 +87,19 @@ def materials_preset(sample: VoxelSample, first: float) -> Preset:
 # A closed object is solid, with its densest material outside, such as fat around a head in magnetic resonance. The
 # hidden inside has the same values as the outside, so that no opacity can show it.
 
-# The smallest share of the visible voxels that lie deep inside a closed object. Brains have 0.29 to 0.41, but no denser
-# material outside; a pot with a tree has 0.24.
+# An object is closed only if at least this share of its visible voxels lies deep inside. Brains have 0.29 to 0.41, but
+# no denser material outside; a pot with a tree has 0.24.
 _MIN_SOLID = 0.27
-# The smallest share of the innermost material's voxels that lie deep inside.
+# An object is closed only if it has an inner material: at least this share of the material's voxels lies deep inside.
 _MIN_INNER = 0.35
-# The smallest ratio of this share to that of the densest material, of whose voxels few lie deep inside.
+# An object is closed only if the share of voxels that lie deep inside is at least this many times as large for its
+# inner material as for its densest material, which lies outside.
 _MIN_INNER_RATIO = 2.0
-# The colours at four values: where the object begins, at its second material, at its densest material, and at the
-# largest value.
+# The colours of a closed object at four values: where the object begins, at its second material, at its densest
+# material, and at the largest value.
 _CLIP_COLORS = ((0.28, 0.15, 0.13), (0.74, 0.50, 0.41), (0.98, 0.86, 0.74), (1.0, 1.0, 0.97))
-# Most of the light is ambient, so that all faces of the clip box are about equally bright.
+# The light on a closed object, which a box cuts open. Most of the light is ambient, so that all faces of the cut are
+# about equally bright.
 _CLIP_SHADING = replace(SHADING, ambient=0.9, diffuse=0.3, occlusion=0.6)
 
 

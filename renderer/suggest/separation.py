@@ -17,38 +17,41 @@ from renderer.scene import MAX_CLIPS, ClipSpec, PlaneSpec, Vector
 from renderer.statistics import VoxelSample, pool_voxels
 from renderer.volume import Bools, Float64, Int64, grow, label_parts
 
-# The smallest volume of a part of the object, as a share of the main part's volume. Smaller parts are specks, unless
-# they are near the main part.
+# A connected part belongs to the object if its volume is at least this share of the volume of the main part, the
+# largest one that is no sheet. Smaller parts are specks, unless they are near the main part.
 _MIN_VOLUME = 0.002
-# A part is near the main part if the gap between them is less than twice this many cells.
+# A connected part is near the object's main part if the gap between them is less than twice this many cells.
 _GAP = 2
-# The smallest volume, as a share of the main part's volume, of a part that touches a sheet and belongs to the object.
-# Smaller parts are pieces of the sheet.
+# A connected part that touches a sheet belongs to the object if its volume is at least this share of the volume of the
+# object's main part. Smaller parts are pieces of the sheet.
 _MIN_VOLUME_AT_SHEET = 0.1
-# The largest thickness of a sheet, as a share of its diagonal: plates have 0.03 to 0.06, a ball has 0.2. A sheet that
-# reaches the border is a table, a holder or a frame.
+# A connected part is a sheet, such as a table, a holder or a frame, if it is thinner than this share of its diagonal
+# and reaches the border of the volume. Plates have 0.03 to 0.06, a ball has 0.2.
 _MAX_SHEET_THICKNESS = 0.09
-# Planes are used if they clip away at least this share of the visible cells,
+# Planes that clip away at least this share of the visible cells are used.
 _MIN_CLIPPED = 0.01
-# or if they shorten the diagonal of the visible cells by at least this share.
+# Planes that shorten the diagonal of the visible cells by at least this share are used, however few cells they clip.
 _MIN_SHRINKAGE = 0.1
-# The smallest share of a part's cells that lie beyond the planes touching the object. A part with a smaller share is
-# within the object.
+# A part lies beside the object if at least this share of its cells lies beyond planes that touch the object; otherwise
+# the part is within the object.
 _MIN_BEYOND = 0.3
-# The smallest share of the visible cells that clipping leaves. A sheet too large for this is a part of the object, such
-# as the plate on an engine.
+# Planes are used only if they leave at least this share of the visible cells. A sheet that is too large to be clipped
+# away is a part of the object, such as the plate on an engine.
 _MIN_LEFT = 0.35
-# The percentiles of positions along an axis outside which cells are outermost.
+# The ends of the visible part along an axis are these percentiles of its cells' positions, so that a few outermost
+# cells do not count.
 _OUTERMOST = (2, 98)
-# The smallest share of its own length that a holder fills: a part that has one cross-section from end to end.
+# A holder has one cross-section from end to end of the volume: a line along an axis is in a holder if at least this
+# share of its cells is visible.
 _MIN_FILLED = 0.95
-# The least length of such a holder, in cells.
+# Holders are looked for only along axes on which the volume has at least this many cells.
 _MIN_LENGTH = 16
 # The least ratio of a sheet's second longest side to its thickness. Rods are no sheets: by volume and surface, they are
 # about twice as wide as thick.
 _MIN_WIDTH = 5.0
-# The directions in which planes may face; `_NORMALS` has the unit vectors.
+# The directions in which clip planes may face, as small whole numbers.
 _DIRECTIONS = np.array([each for each in product(range(-2, 3), repeat=3) if math.gcd(*each) == 1], np.float64)
+# The unit vectors of `_DIRECTIONS`.
 _NORMALS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
@@ -73,14 +76,18 @@ def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
     places = np.argwhere(cells)[:, ::-1] + 0.5 - np.array(cells.shape[::-1]) / 2
     heights, reach = places @ axes.T @ _NORMALS.T, np.abs(_NORMALS @ axes).sum(axis=1) / 2
     is_kept = _are_of_object(cells, parts)
-    # A part that reaches beyond no plane is not beside the object.
+    # A part of which little lies beyond the planes is not beside the object, but within it.
     is_beyond = (heights > _limits(heights, is_kept[parts.of_cell], reach)).any(axis=1)
     is_kept |= np.bincount(parts.of_cell, is_beyond) < _MIN_BEYOND * np.bincount(parts.of_cell)
     return _touching_planes(places @ axes.T, heights, _limits(heights, is_kept[parts.of_cell], reach))
 
 
 def _limits(heights: Float64, of_object: Bools, reach: Float64) -> Float64:
-    """Return how far the object reaches along each normal. reach: how far a cell reaches from its centre."""
+    """Return how far the object reaches along each normal.
+
+    heights: the positions of all cells' centres along each normal, [cells, normals]. of_object: which cells belong to
+    the object. reach: how far a cell reaches from its centre along each normal.
+    """
     return np.asarray(heights[of_object].max(axis=0) + reach)
 
 
@@ -129,7 +136,10 @@ def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
 
 
 def _are_holders(cells: Bools, sides: Float64) -> Bools:
-    """Return which cells belong to holders, sheets of one cross-section from end to end. They may touch the object."""
+    """Return which cells belong to holders: sheets with one cross-section from end to end of the volume.
+
+    Holders may touch the object.
+    """
     extruded = np.zeros_like(cells)
     for axis in range(3):
         if cells.shape[axis] >= _MIN_LENGTH:
@@ -144,12 +154,12 @@ def _are_holders(cells: Bools, sides: Float64) -> Bools:
 
 
 class _Parts(NamedTuple):
-    """Measurements of connected parts.
+    """The measurements of the connected parts of the visible cells.
 
     of_cell: the number of each cell's part.
-    volumes: the parts' volumes.
-    thickness: their thicknesses, as shares of their diagonals.
-    low, high: their ends along z, y, x, in cells.
+    volumes: the volume of each part.
+    thickness: the thickness of each part, as a share of its diagonal.
+    low, high: the ends of each part along z, y, x, in cells.
     is_sheet: whether a part is thin and reaches the border.
     """
 
@@ -185,7 +195,8 @@ def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
     main = int((parts.volumes * parts.thickness).argmax())
     sheets = np.zeros_like(cells)
     sheets[cells] = parts.is_sheet[of_cell] & (of_cell != main)
-    # A thin structure may be broken, such as an insect's leg or a vessel, but so may a sheet.
+    # Cells grow, so that the pieces of a broken thin structure, such as an insect's leg or a vessel, belong together.
+    # Sheets are left out, since they may be broken, too.
     grown = label_parts(grow(cells & ~sheets, _GAP))[cells]
     is_near = np.bincount(of_cell, grown == grown[of_cell == main][0], num) > 0
     of_sheet = np.bincount(of_cell, grow(sheets, 1)[cells], num) > 0
@@ -196,10 +207,11 @@ def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
 
 
 def _touching_planes(points: Float64, heights: Float64, limits: Float64) -> list[Plane]:
-    """Return planes that touch the object, in the order of how many cells they clip away; none if too few are clipped.
+    """Return planes that touch the object, the plane that clips most cells first.
 
-    points: the centres of all cells, float64 [n, 3]. heights: their positions along each normal. limits: how far the
-    object reaches along each normal.
+    points: the centres of all cells, float64 [n, 3]. heights: the positions of these centres along each normal. limits:
+    how far the object reaches along each normal. Returns no planes if they clip too few cells to be worth it, or too
+    many.
     """
     is_beyond, is_left, chosen = heights > limits, np.ones(len(points), bool), list[int]()
     while len(chosen) < MAX_CLIPS:

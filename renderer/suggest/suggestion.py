@@ -13,22 +13,22 @@ from renderer.scene import ClipSpec, ColormapSpec, ControlPoint, LabelsSpec, Sha
 from renderer.statistics import OutlierValue, Statistics, VoxelSample, format_number
 from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST, in_8_bits
 
-# The widest margin around the values that are shown, as a part of their range: values farther away are transparent.
-# Beside nearer outliers, it is half of the gap to them.
+# Outliers are transparent: values farther outside the range of all other values than a margin, which is this part of
+# the range, or half of the gap to the nearest outlier if that is less.
 _OUTLIER_MARGIN = 0.02
-# The least opacity of a unit length, about 1 % of the diagonal, at which a background becomes visible.
+# A background is visible if its opacity, for a length of about 1 % of the volume's diagonal, is more than this.
 LEAST_OPACITY = 1e-3
 
 
 @dataclass(frozen=True)
 class ShownLayer:
-    """The values of one layer that is shown.
+    """A layer that is shown: its values, and its share of the picture.
 
     name: the name of the material, in words.
     ranges: pairs of the lowest and the highest value, in data units.
     voxels: the share of all voxels that have these values.
-    share: their share of the picture.
-    target: the share of the picture that was aimed at.
+    share: the share of the picture that the layer has.
+    target: the share of the picture that the layer was to have.
     """
 
     name: str
@@ -43,11 +43,11 @@ class Suggestion:
     """A transfer function that shows the content of a volume, and why it was chosen.
 
     kind: the kind of data.
-    reason: the signs by which it was recognised, a clause without a full stop.
-    transfer: the transfer function, with its unit.
-    notes: a comment for each of its points, mostly empty.
+    reason: the signs by which the kind was recognised, a clause without a full stop.
+    transfer: the transfer function, with its unit of length.
+    notes: a comment for each control point, mostly empty.
     shading: the light; None if the data have no surfaces.
-    outlier_notes: a clause for each outlier or nodata value that is not shown.
+    outlier_notes: clauses on outliers, and on other things that are not shown.
     clip: planes that clip away the surroundings of the object, and a box to look into it.
     visible: the layers of values that the pictures of a turntable show.
     """
@@ -63,7 +63,10 @@ class Suggestion:
 
 
 def with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:
-    """Return the suggestion with a colormap in place of its colours, and with the same opacities."""
+    """Return the suggestion with a colormap in place of its colours, and with the same opacities.
+
+    colormap: the name of the colormap; None leaves the suggestion as it is.
+    """
     mapping, points = suggestion.transfer.mapping, suggestion.transfer.points
     if colormap is None:
         return suggestion
@@ -89,7 +92,7 @@ def with_logarithmic_scale(suggestion: Suggestion, colormap: str | None) -> Sugg
     mapping = with_colormap(suggestion, colormap or FIELD_COLORMAP).transfer.mapping
     assert isinstance(mapping, ColormapSpec)
     first, last = mapping.range
-    if colormap is None:  # a field's own colours begin with a light one
+    if colormap is None:  # the darkest part of the colormap is not used
         first -= FIELD_DARKEST / (1 - FIELD_DARKEST) * (last - first)
 
     def value(logarithm: float) -> float:
@@ -120,9 +123,10 @@ def with_8_bit_colors(suggestion: Suggestion) -> Suggestion:
 
 
 def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelSample) -> Suggestion:
-    """Return a suggestion for the values without outliers as one for all values, with the outliers transparent.
+    """Return the suggestion for all values of a volume, with the outliers transparent.
 
-    statistics: the statistics of all values. sample: a sample normalised to the range of the values without outliers.
+    suggestion: a suggestion for the values without outliers. statistics: the statistics of all values. sample: a sample
+    normalised to the range of the values without outliers.
     """
     below = (-sample.normalize(outlier.last) for outlier in statistics.outliers if outlier.last < sample.minimum)
     above = (sample.normalize(outlier.value) - 1 for outlier in statistics.outliers if outlier.value > sample.maximum)
@@ -170,7 +174,7 @@ def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:
 
 
 def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[ControlPoint]:
-    """Return the points with an opacity of 0 above `end`."""
+    """Return control points with the same opacities up to the value `end`, and with an opacity of 0 above it."""
     below = [point for point in points if point.value < end]
     above = points[len(below) :]
     if not any(point.opacity for point in (*below[-1:], *above)):
@@ -182,5 +186,5 @@ def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[Contr
 
 
 def transparent_between(points: Sequence[ControlPoint], first: float, last: float) -> list[ControlPoint]:
-    """Return the points with an opacity of 0 from `first` to `last`."""
+    """Return control points with an opacity of 0 from the value `first` to `last`, and the same opacities elsewhere."""
     return [*_transparent_above(points, first), *_mirrored(_transparent_above(_mirrored(points), -last))]

@@ -12,13 +12,13 @@ import numpy as np
 from renderer.statistics import VoxelSample
 from renderer.volume import Bools, Float32, Float64
 
-# The number of views of a turn.
+# The number of views in a full turn around the volume.
 _NUM_VIEWS = 8
-# The number of rays along each side of a view.
+# The number of rays along each side of a view, which is a square grid of rays.
 _RAYS_PER_SIDE = 22
-# The most samples of a ray.
+# The largest number of samples along a ray.
 _MAX_SAMPLES = 256
-# The most samples of a ray through volumes so thin that rays would miss them.
+# The largest number of samples along a ray if a volume is so thin that fewer samples would miss it.
 _MAX_SAMPLES_OF_SLABS = 1024
 # The elevation of the eye above the horizon, in radians.
 _ELEVATION = math.radians(20)
@@ -29,7 +29,7 @@ class TurntableRays(NamedTuple):
 
     values: float32 [rays, samples], normalised; NaN outside of the volume, and without data.
     step: the distance of two samples, as a share of the diagonal.
-    is_interpolated: as in VoxelSample.
+    is_interpolated: whether values are interpolated between two samples; labels are not.
     """
 
     values: Float32
@@ -38,7 +38,10 @@ class TurntableRays(NamedTuple):
 
 
 def cast_rays(sample: VoxelSample) -> TurntableRays:
-    """Sample a volume along the rays of a turntable around z, one at a random position in each cell of a grid."""
+    """Sample a volume along the rays of a turntable around z.
+
+    Each view has a grid of cells, with a ray at a random position in each cell.
+    """
     return cast_through([sample])[0]
 
 
@@ -77,8 +80,8 @@ class _Box(NamedTuple):
     values: float32 [z, y, x], NaN without data.
     spacing: the distances of samples along x, y, z.
     half: half of the sides along x, y, z.
-    offset: the position of its centre in the world.
-    directions: as in VoxelSample.
+    offset: the position of the volume's centre in the world, from the centre of the largest of the volumes.
+    directions: float64 [3, 3], whose columns are the directions of the axes x, y, z in the world.
     """
 
     values: Float32
@@ -112,7 +115,7 @@ def _values_along(
 
 
 def _view_axes(azimuth: float) -> tuple[Float64, Float64, Float64]:
-    """Return the directions to the right, up, and away from the camera, in the world."""
+    """Return the directions to the right, up, and away from the camera, in the world. azimuth: in radians."""
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
     outward, rise = np.array([math.cos(azimuth), math.sin(azimuth), 0.0]), np.array([0.0, 0.0, 1.0])
     sine, cosine = math.sin(_ELEVATION), math.cos(_ELEVATION)

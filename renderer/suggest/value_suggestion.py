@@ -39,22 +39,22 @@ from renderer.suggest.suggestion import Suggestion, hide_outliers, with_colormap
 from renderer.suggest.wishes import LABELS_WISH, NO_WISH, WISHES, Wish, choose_by_word
 from renderer.volume import Volume
 
-# A function that finds the labels of a volume.
+# A function without parameters that returns what is known of a volume's labels.
 KnowLabels = Callable[[], KnownLabels]
 
-# An outlier from this value on is no label.
+# Outliers may be labels only if they are smaller than this.
 _MAX_OUTLYING_LABEL = 2**16
 # The opacity of a constant volume, with which a ray along the diagonal has an opacity of about two thirds.
 _CONSTANT_OPACITY = 0.02
-# The optical depth of a constant volume in which voxels without data leave a shape, along the side of a cube of the
-# same size.
+# The optical depth of a constant volume of which a part has no data, so that it has a shape: along the side of a cube
+# that is as large as the part with data.
 _MASK_DEPTH = 3.0
 
 
 def suggest(
     volume: Volume, statistics: Statistics, wish: Wish = NO_WISH, known: KnowLabels = lambda: NO_LABELS
 ) -> Suggestion:
-    """Return a transfer function for a volume.
+    """Return a suggestion for a volume: a transfer function, a light and clip planes, with the reason in words.
 
     statistics: the statistics of the volume, from `compute_statistics`. known: returns the labels of other steps in
     time, and a table of labels; called only for a volume of labels. Raises InputError for a preset that cannot be read,
@@ -76,7 +76,7 @@ def suggest(
 
 
 def _are_far_labels(volume: Volume, statistics: Statistics) -> bool:
-    """Return whether all values are labels, the outliers included."""
+    """Return whether all values of a volume are labels, including the values that count as outliers."""
     if not all(0 <= outlier.value < _MAX_OUTLYING_LABEL for outlier in statistics.outliers):
         return False
     return label_values(volume, statistics, sample_volume(volume, statistics)) is not None
@@ -97,7 +97,10 @@ def _constant_suggestion(volume: Volume, value: float) -> Suggestion:
 def _suggest_from(
     volume: Volume, statistics: Statistics, sample: VoxelSample, wish: Wish, known: KnowLabels
 ) -> Suggestion:
-    """Return a suggestion from the statistics of the values to show and from a sample normalised to their range."""
+    """Return the suggestion for the values in a range: as labels, by a preset that is wished for, or by their kind.
+
+    statistics: the statistics of the values to show. sample: a sample normalised to the range of these values.
+    """
     word = wish.preset
     if word in (None, LABELS_WISH):
         values = distinct_values(volume, statistics) if word else label_values(volume, statistics, sample)
@@ -116,7 +119,7 @@ def _suggest_from(
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:
         planes = separating_planes(sample, choice.preset.covers(sample.normalized))
-    if planes:  # only voxels on this side of the planes count as materials
+    if planes:  # voxels that the planes clip away count as no material
         sample = fill_with_background(sample, are_beyond(sample, planes))
         again = choose(sample, zero)
         choice = again if again.kind == choice.kind else choice

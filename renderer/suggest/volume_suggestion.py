@@ -26,10 +26,11 @@ _ALPHA_POINTS = tuple(
 class VolumeSuggestion:
     """A suggestion for a volume whose voxels are no longer in memory.
 
-    volume: the file and the part of it that was read.
+    volume: the file, and the part of the file that was read.
+    suggestion: the suggestion; if all channels are shown, for the first channel.
     has_absent: whether any voxel has no data.
-    layers: the layers of its channels, if each is shown; the suggestion is then for the first one.
-    weight: as in `renderer.scene.LayerSpec`.
+    layers: a layer for each channel if all channels are shown; otherwise empty.
+    weight: a factor on the volume's extinction.
     """
 
     volume: VolumeSpec
@@ -39,7 +40,7 @@ class VolumeSuggestion:
     weight: float = 1.0
 
     def applied_to(self, scene: Scene) -> Scene:
-        """Return a scene with the volume and its suggestion; clip planes that the scene has stay."""
+        """Return a scene with the volume and its suggestion; a scene that has clip planes keeps them."""
         found, first = self.suggestion, scene.layers[0]
         if self.layers:
             shared = SharedKeys(first.shading, first.mask)
@@ -51,10 +52,10 @@ class VolumeSuggestion:
 def read_in_colors(
     volume: VolumeSpec, found: Volume, read: ReadVolume, wish: Wish = NO_WISH
 ) -> tuple[VolumeSpec, Volume, Statistics]:
-    """Return a volume, its voxels and their statistics.
+    """Return a volume's description, its voxels and their statistics; voxels that are colours are read as colours.
 
-    Without a wish, voxels that are colours are read as colours; if their alpha varies, it gives the opacities.
-    found: the volume as it was read first.
+    If the alpha of colours varies, it gives the opacities. With a wish, voxels are read as colours only if `volume`
+    says so. found: the volume as it was read first.
     """
     component = volume.component
     if component is None and wish == NO_WISH and are_colors(found.values.dtype, found.channels):
@@ -72,9 +73,11 @@ def read_in_colors(
 def suggest_read(
     volume: VolumeSpec, found: Volume, statistics: Statistics, wish: Wish, known: KnowLabels | None = None
 ) -> VolumeSuggestion:
-    """Suggest how to show a volume that is in memory. Raises as `suggest`.
+    """Suggest how to show a volume that is in memory.
 
-    known: as in `suggest`; None to take the labels of this volume, and the table in its file or beside it.
+    known: returns the labels of all steps in time, and a table of labels; None stands for the labels of this volume,
+    and the table in its file or beside it. Raises InputError for a wished preset that cannot be read, or does not suit
+    the volume.
     """
     if volume.has_colors:
         suggestion = _color_suggestion(found, statistics, wish)
@@ -91,7 +94,10 @@ def _labels_in_table(spec: VolumeSpec, volume: Volume) -> KnownLabels:
 
 
 def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Suggestion:
-    """Return a suggestion for voxels that are colours, by their luminance. A wish's colours multiply them."""
+    """Return a suggestion for voxels that are colours: opacities depend on luminance.
+
+    The colours of a wish are multiplied by the colours of the voxels.
+    """
     found = suggest(volume, statistics, Wish(wish.colormap, wish.preset or "surface"))
     transfer = found.transfer
     if wish == NO_WISH and transfer.points:

@@ -34,7 +34,7 @@ class Wish:
 
 @dataclass(frozen=True)
 class Materials:
-    """The materials of a scan, from which words choose.
+    """The materials of a scan, of which a wish's word shows some.
 
     ends: the normalised values at which materials begin and end, ascending.
     sample: a sample of the scan.
@@ -46,15 +46,15 @@ class Materials:
     zero: float | None
 
     def at(self, hounsfield: float, otherwise: float) -> float:
-        """Return the normalised value of Hounsfield units, or `otherwise` if the scan is in other units."""
+        """Return the normalised value of `hounsfield` Hounsfield units, or `otherwise` for a scan in other units."""
         return otherwise if self.zero is None else self.sample.normalize(hounsfield + self.zero)
 
     def named(self, in_hounsfield: str, otherwise: str) -> str:
-        """Return a material's name for a scan in Hounsfield units, or `otherwise` for a scan in other units."""
+        """Return the name `in_hounsfield` for a material of a scan in Hounsfield units, otherwise `otherwise`."""
         return otherwise if self.zero is None else in_hounsfield
 
 
-# No wish: the values alone decide.
+# No wish of a user: the values of the volume alone decide how it is shown.
 NO_WISH = Wish()
 
 _SKIN = (0.91, 0.72, 0.60)
@@ -62,7 +62,7 @@ _BONE = (0.97, 0.93, 0.84)
 _BLOOD = (0.85, 0.22, 0.16)
 _BRAIN = (0.90, 0.70, 0.66)
 _VEIL = (0.45, 0.52, 0.66)
-# The mean opacity that a picture like an X-ray aims at, over the rays that meet anything.
+# Opacities of a picture like an X-ray are solved so that the rays that meet anything have this mean opacity.
 _XRAY_COVERAGE = 0.4
 
 
@@ -119,6 +119,7 @@ def _glow(scan: Materials) -> Preset:
     return glow_preset([(level,) for level in zip(levels, palette, strict=True)])
 
 
+# The words that steer a suggestion, each with the function that makes a preset from a scan's materials.
 WISHES: dict[str, Callable[[Materials], Preset]] = {
     "bone": _bone,
     "vessels": _vessels,
@@ -131,7 +132,10 @@ WISHES: dict[str, Callable[[Materials], Preset]] = {
 
 
 def choose_by_word(sample: VoxelSample, zero: float | None, *, word: str) -> Choice:
-    """Return the preset for a word of WISHES. zero: the stored value of 0 Hounsfield units; None in other units."""
+    """Return the preset for `word`, which is one of WISHES, and a volume.
+
+    zero: the stored value of 0 Hounsfield units; None for values in other units.
+    """
     background = find_background(sample)
     is_dark = zero is None and background.is_there and background.below > background.above
     if is_dark:
@@ -146,5 +150,5 @@ def choose_by_word(sample: VoxelSample, zero: float | None, *, word: str) -> Cho
     return Choice(f"shown as --preset {word}", reason, preset.with_inverted_range() if is_dark else preset)
 
 
-# The word that has values shown as labels although they are not recognised as labels.
+# The word by which a user has values shown as labels, also where they are not recognised as labels.
 LABELS_WISH = "labels"

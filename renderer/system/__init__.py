@@ -1,4 +1,4 @@
-"""Find the resources of this process (processors, memory, versions), start child processes, and make text printable.
+"""Find the processors and the memory for this process, start child processes, and make text printable.
 
 In: the machine, and text from outside. Out: numbers of processors and bytes, children that never outlive this process,
 versions for records, text that is safe to print.

@@ -1,9 +1,10 @@
 """Start child processes that end when their parent ends, even if it is killed, or when it closes their pipe.
 
 The parent keeps the writing end of a pipe and never writes; the child has the reading end. When the parent closes its
-end, or dies, even by SIGKILL, the pipe breaks. A thread of the child waits for that and ends the child. The thread
-needs Python's lock, which some libraries keep for long, so Linux is asked to send the child SIGKILL as well.
-(PR_SET_PDEATHSIG would not do, as it signals the end of the thread that started the child.)
+end, or dies, even by SIGKILL, the pipe breaks. A thread of the child waits for the broken pipe and then ends the child.
+The thread needs Python's global lock, which some libraries keep for long, so Linux is asked to send the child SIGKILL
+as well. (The option PR_SET_PDEATHSIG of Linux would not do: it sends a signal when the thread ends that started the
+child, not when the process ends.)
 
 This file is also the program of the children, `python child_processes.py ...`: it takes the pipe and runs a module.
 `python -m` would look for modules in the current folder first; the child gets the parent's `sys.path` instead, without
@@ -29,12 +30,12 @@ from typing import IO, Any
 # The folder that holds the packages `renderer` and `hsplat_cli`.
 _ROOT = str(Path(__file__).resolve().parents[2])
 
-# The name, in `fcntl` on Linux, of the command "send this signal and not SIGIO".
+# The name, in Python's `fcntl` on Linux, of the command that chooses the signal which a change of a file sends.
 _SET_SIGNAL = "F_SETSIG"
 
 
 class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
-    """An owner of child processes, which end with this process, or at the end of the block."""
+    """An owner of child processes, which end at the end of the `with` block, or when this process ends."""
 
     def __init__(self) -> None:
         self._ends: list[int] = []
@@ -48,16 +49,16 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
     def start(
         self, module: str, arguments: Sequence[str], *, pass_fds: Sequence[int] = (), **streams: Any
     ) -> subprocess.Popen[bytes]:
-        """Start a child that runs a Python module as `python -m` does, with this package and no standard input.
+        """Start a child that runs a Python module as `python -m` does. It can import hsplat, and has no standard input.
 
         The child is in another session: Ctrl-C in the terminal reaches only this process, which then ends the child.
 
         pass_fds: the file descriptors that the child inherits, under the same numbers. streams: the arguments `stdout`
-            and `stderr` of Popen. Raises OSError if the child cannot be started.
+            and `stderr` of `subprocess.Popen`. Raises OSError if the child cannot be started.
         """
         if not sys.executable:  # Python may be embedded in another program
             raise FileNotFoundError(errno.ENOENT, "sys.executable does not name a Python interpreter")
-        child_end, parent_end = os.pipe()  # a pipe for each child, as only one process gets the signal of an end
+        child_end, parent_end = os.pipe()  # each child has its own pipe: a break signals one process
         folders = [*filter(None, sys.path)]  # "" stands for the current folder, and is left out
         folders += [_ROOT] * (_ROOT not in folders)
         command = [sys.executable, os.path.abspath(__file__), str(child_end), str(len(folders)), *folders]
@@ -75,9 +76,9 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
 
 
 def _open_standard_descriptors() -> None:
-    """Open the null device as standard input, output and error where these are closed.
+    """Open the null device in place of each standard stream (input, output, error) that is closed.
 
-    Otherwise, pipes would get their numbers, and be replaced by the standard streams of children.
+    Otherwise, a pipe would get the number of the closed stream, and a child's standard stream would replace the pipe.
     """
     while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
@@ -92,20 +93,23 @@ def open_anonymous_file() -> IO[bytes]:
 
 
 def describe_exit(status: int) -> str:
-    """Return `exit status 1` or `signal SIGKILL`. status: as in `subprocess.Popen.returncode`."""
+    """Return how a process ended, such as `exit status 1` or `signal SIGKILL`.
+
+    status: as in `subprocess.Popen.returncode`: the exit status, or minus the number of a signal.
+    """
     if status >= 0:
         return f"exit status {status}"
     return f"signal {signal.Signals(-status).name if -status in set(signal.Signals) else -status}"
 
 
 def exit_with_parent(descriptor: int) -> None:
-    """End this process as soon as the pipe breaks. descriptor: its reading end."""
+    """Let this process end as soon as a pipe from its parent breaks. descriptor: the reading end of the pipe."""
     if hasattr(fcntl, _SET_SIGNAL):
         with contextlib.suppress(OSError):  # some imitations of Linux refuse this
             fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
             fcntl.fcntl(descriptor, getattr(fcntl, _SET_SIGNAL), signal.SIGKILL)
             fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
-    # The thread is needed on Linux, too, as the pipe may have broken before.
+    # The thread is needed on Linux, too, because the pipe may have broken before the signal was asked for.
     threading.Thread(target=_end_when_broken, args=(descriptor,), daemon=True).start()
 
 
@@ -115,7 +119,11 @@ def _end_when_broken(descriptor: int) -> None:
 
 
 def _main() -> None:
-    """Run a module. Arguments: the pipe, the number of folders, the folders for `sys.path`, the module with its own."""
+    """Run a module, as the program of a child.
+
+    The command line has the number of the pipe's descriptor, the number of folders, the folders for `sys.path`, the
+    name of the module, and the arguments of the module.
+    """
     exit_with_parent(int(sys.argv[1]))
     num_folders = int(sys.argv[2])
     sys.path[:] = sys.argv[3 : 3 + num_folders]

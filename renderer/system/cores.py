@@ -6,7 +6,7 @@ import math
 import os
 from pathlib import Path
 
-# The folder of all control groups.
+# The folder of all control groups, by which Linux limits the resources of processes.
 _CGROUP_ROOT = Path("/sys/fs/cgroup")
 # The file that names the control groups of this process.
 _OWN = Path("/proc/self/cgroup")
@@ -19,7 +19,7 @@ def num_cores() -> int:
 
 
 def num_drawing_threads() -> int:
-    """Return the number of threads that draw a picture on processors: as many as Mesa's software renderer takes."""
+    """Return the number of threads that draw a picture: LP_NUM_THREADS, as for Mesa's software OpenGL, or all cores."""
     wanted = os.environ.get("LP_NUM_THREADS", "")
     return max(1, int(wanted)) if wanted.isascii() and wanted.isdecimal() and len(wanted) < 4 else num_cores()
 
@@ -28,9 +28,10 @@ def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OW
     """Return the folders of this process' control group and of all groups that contain it (cgroups(7)).
 
     Some of the folders may not exist. A group has no more resources than the groups that contain it. In a container,
-    its own group is usually the root of the visible groups, and the path in `own` does not exist.
+    its own group is usually the root of the visible groups, and the path in the file `own` does not exist.
 
-    controller: `cpu` or `memory`.
+    controller: the resource that groups limit, `cpu` or `memory`. groups: the folder of all control groups. own: the
+    file that names the groups of this process.
     """
     try:
         lines = [line.split(":", 2) for line in own.read_text(encoding="utf-8").splitlines()]
@@ -38,7 +39,7 @@ def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OW
         lines = []
     folders = {groups, groups / controller}
     for _, controllers, path in (line for line in lines if len(line) == 3):
-        if controllers == "" or controller in controllers.split(","):  # lines of version 2 have no names of controllers
+        if controllers == "" or controller in controllers.split(","):  # in version 2, lines name no controller
             root = groups / controller if controllers else groups
             inner = root / path.lstrip("/")
             folders.update(folder for folder in (inner, *inner.parents) if folder.is_relative_to(root))
@@ -51,12 +52,15 @@ def _quota() -> float:
 
 
 def _group_quota(group: Path) -> float:
-    """Return the number of processors whose time one group allows, from its files of version 2 or 1."""
+    """Return the number of processors whose time a control group allows; infinite without a limit.
+
+    group: the folder of the group, with the files of control groups of version 1 or 2.
+    """
     try:
         if (group / "cpu.max").exists():
             quota, period = (group / "cpu.max").read_text().split()
         else:
             quota, period = ((group / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period"))
         return int(quota) / int(period) if int(quota) > 0 else math.inf
-    except (OSError, ValueError, ZeroDivisionError):  # the file is missing, or has `max`
+    except (OSError, ValueError, ZeroDivisionError):  # without a limit, the file is missing or has `max`
         return math.inf

@@ -1,9 +1,9 @@
-"""Make SIGTERM and SIGHUP unwind like Ctrl-C, and defer all three signals while files get their final names.
+"""Make SIGTERM and SIGHUP raise KeyboardInterrupt like Ctrl-C, and defer these signals while files get their names.
 
-Soon after a signal, long kernels stop, too, in all threads, as they look at `stop_flag`.
+Soon after a signal, long kernels stop, too, in all threads, because they read `stop_flag`.
 
 Python handles signals in the main thread, and sets handlers only there. In other threads, these functions do nothing,
-as no signal interrupts these threads. A signal that is ignored, as SIGHUP is after `nohup`, stays ignored.
+because no signal interrupts these threads. A signal that is ignored, as SIGHUP is after `nohup`, stays ignored.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ if TYPE_CHECKING:  # the module loads queues and logging, which most commands do
 
 Result = TypeVar("Result")
 
-# The signals of Ctrl-C, of a batch system or `kill`, and of a terminal that closes.
+# The signals that interrupt work: SIGINT comes from Ctrl-C, SIGTERM from a batch system or `kill`, and SIGHUP from a
+# terminal that closes.
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# The seconds from a signal until it stops long kernels. In this time, a finished frame is stored with its exact rays,
-# which took 0.04 to 0.2 s for frames of two scans of 512 x 512 pixels on two cores.
+# The seconds from a signal until it stops long kernels. In this time, a frame that is drawn is measured by exact rays
+# and stored. Exact rays took 0.04 to 0.2 s for frames of 512 x 512 pixels of two scans, on two cores.
 _GRACE_S = 0.3
 # The seconds for which a thread that waits for a result sleeps before it looks for signals.
 _LONGEST_SLEEP_S = 0.1
-# The number of the signal for which long kernels stop; 0 without a signal. Kernels read it from this place in memory.
+# The number of the signal that stops long kernels; 0 without a signal. Kernels read it from this place in memory.
 stop_flag = ctypes.c_int32(0)
 
 
 @contextmanager
 def signals_as_interrupts(numbers: Sequence[signal.Signals] = _SIGNALS) -> Iterator[None]:
-    """Raise KeyboardInterrupt with the number of the signal, for each of the given signals, during the block.
+    """Let each of some signals raise KeyboardInterrupt, with the number of the signal, during the `with` block.
 
-    Long kernels stop from _GRACE_S after the signal on, until the end of the block.
+    Once a signal is older than _GRACE_S, long kernels stop, until the end of the block.
     """
     timers: list[threading.Timer] = []
 
@@ -63,9 +64,9 @@ def signals_as_interrupts(numbers: Sequence[signal.Signals] = _SIGNALS) -> Itera
 
 @contextmanager
 def ctrl_c_stops_kernels() -> Iterator[None]:
-    """Let Ctrl-C stop long kernels during the block, in programs that use this package.
+    """Let Ctrl-C stop long kernels during the `with` block, in programs that use the Python API.
 
-    It does so only if Ctrl-C raises KeyboardInterrupt, as it does by default.
+    If the program has its own handler for Ctrl-C, nothing is changed.
     """
     is_default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     with signals_as_interrupts((signal.SIGINT,)) if is_default else nullcontext():
@@ -74,10 +75,10 @@ def ctrl_c_stops_kernels() -> Iterator[None]:
 
 @contextmanager
 def deferrable_interrupts() -> Iterator[Callable[[], None]]:
-    """Yield a function that defers signals, from its call on, to the end of the block: there they are handled.
+    """Yield a function; from its call on, signals wait until the end of the `with` block.
 
-    A deferred signal raises KeyboardInterrupt, after the handler that was set before. So files that belong together get
-    their final names together.
+    There, the handler that was set before handles the first of them, and then KeyboardInterrupt is raised. So files
+    that belong together get their final names together.
     """
     before: dict[int, Any] = {}
     pending: list[int] = []
@@ -96,10 +97,10 @@ def deferrable_interrupts() -> Iterator[Callable[[], None]]:
 
 
 def start_threads(num: int, name: str = "") -> ThreadPoolExecutor:
-    """Return an executor whose threads have all started; raises RuntimeError if a thread cannot be started.
+    """Return an executor whose threads have all started. Raises RuntimeError if a thread cannot be started.
 
-    Signals are deferred meanwhile: an interrupt while a thread starts would lose the thread, and the process would wait
-    for it at its end.
+    Signals wait meanwhile: an interrupt while a thread starts would lose the thread, and the process would wait for
+    this thread when it ends. num: the number of threads. name: the beginning of their names.
     """
     from concurrent.futures import ThreadPoolExecutor
 
@@ -110,7 +111,7 @@ def start_threads(num: int, name: str = "") -> ThreadPoolExecutor:
         try:
             waiting = [threads.submit(all_started.wait) for _ in range(num)]
         except RuntimeError:
-            all_started.abort()  # without it, threads that have started would wait for ever
+            all_started.abort()  # otherwise, threads that have started would wait for ever
             raise
         for started in waiting:
             started.result()
@@ -118,9 +119,9 @@ def start_threads(num: int, name: str = "") -> ThreadPoolExecutor:
 
 
 def result_of(running: Future[Result]) -> Result:
-    """Return the result of a future, or raise its error. The main thread can handle signals meanwhile.
+    """Wait for the result of a future, and return it, or raise its error. The main thread handles signals meanwhile.
 
-    A signal that comes just before a thread falls asleep does not wake it. So the thread only sleeps for a short while.
+    A signal that comes just before a thread falls asleep does not wake the thread. So it only sleeps for a short while.
     """
     from concurrent.futures import wait
 
@@ -130,25 +131,28 @@ def result_of(running: Future[Result]) -> Result:
 
 
 def interrupted_status(error: BaseException) -> int:
-    """Return the exit status of an interrupted program, as shells count: 130 after Ctrl-C, 143 after SIGTERM."""
+    """Return the exit status of an interrupted program, as shells count: 130 after Ctrl-C, 143 after SIGTERM.
+
+    error: the KeyboardInterrupt, with the number of the signal if it is known.
+    """
     numbers = [number for number in error.args if isinstance(number, int)]
     return 128 + int((numbers or [signal.SIGINT])[0])
 
 
 def exit_on_signals(status: int) -> None:
-    """Let each further signal end this process at once with a status. It is called when all work is cleaned up."""
+    """Let each further signal end this process at once with a status. Call this when all work is cleaned up."""
     # CPython ends by SIGINT, whatever the exit status, if a KeyboardInterrupt has left code that was compiled from
-    # text, as dataclasses are during an import. Running other code from text resets this.
+    # text, as the code of dataclasses is during an import. CPython forgets that once other code from text has run.
     eval("None")  # noqa: S307
     _handle(lambda number, frame: os._exit(status))
-    # Python removes its handlers a while before its end. From then on, signals are ignored.
+    # Python removes the handlers of signals a while before the process ends. From then on, signals are ignored.
     atexit.register(_handle, signal.SIG_IGN)
 
 
 def _handle(
     handler: Callable[[int, FrameType | None], None] | signal.Handlers, numbers: Sequence[signal.Signals] = _SIGNALS
 ) -> dict[int, Any]:
-    """Set a handler for all signals that are not ignored, and return the handlers before."""
+    """Set a handler for each of some signals that is not ignored. Returns the handlers before, by signal."""
     if threading.current_thread() is not threading.main_thread():
         return {}
     heeded = [number for number in numbers if signal.getsignal(number) not in (signal.SIG_IGN, None)]

@@ -14,19 +14,19 @@ from pathlib import Path
 
 from renderer.system.cores import control_groups
 
-# The file with the memory of the machine.
+# The file in which Linux states how much memory the machine has, and how much is free.
 _MEMINFO = Path("/proc/meminfo")
-# The file that resets the peak memory of this process.
+# The file by which Linux resets the peak memory of this process.
 _RESET = Path("/proc/self/clear_refs")
-# By the version of control groups: the files of limits, the file of the memory in use, and the names of the cached
-# memory.
+# The names of a control group's files, by the version of control groups: files with limits of memory, the file with the
+# memory in use; and the names, in the file memory.stat, of memory that caches files.
 _FILES = {
     2: (("memory.max", "memory.high"), "memory.current", ("inactive_file", "active_file")),
     1: (("memory.limit_in_bytes",), "memory.usage_in_bytes", ("total_inactive_file", "total_active_file")),
 }
-# The share of the free memory that drawing may take by default. The remainder is for voxels, films and other programs.
+# Drawing may take this share of the free memory by default. The remainder is for voxels, films and other programs.
 _SHARE_OF_FREE = 0.5
-# The bytes that drawing may take if the free memory is unknown.
+# Drawing may take this many bytes if the free memory is unknown.
 _BYTES_IF_UNKNOWN = 256 << 20
 
 
@@ -37,7 +37,7 @@ def free_bytes() -> float:
 
 @dataclass(frozen=True)
 class MemoryShare:
-    """A share of the memory of this machine, for the bricks that one of several processes draws.
+    """The memory that one of several drawing processes on this machine may take for its bricks.
 
     total: the bytes for all processes together; None for half of the free memory. num_processes: the number of
         processes.
@@ -47,7 +47,7 @@ class MemoryShare:
     num_processes: int = 1
 
     def num_bytes(self) -> int:
-        """Return the bytes that this process may take now."""
+        """Return the number of bytes that this process may take for its bricks now."""
         total: float = _SHARE_OF_FREE * free_bytes() if self.total is None else self.total
         return int((_BYTES_IF_UNKNOWN if math.isinf(total) else total) / self.num_processes)
 
@@ -58,7 +58,7 @@ def free_swap_bytes() -> float:
 
 
 def address_space_hint() -> str | None:
-    """Return a hint for a failure, if a limit on address space may be its cause; else None."""
+    """Return a hint for the message of a failure: that the address space is limited; None if it is not limited."""
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
         return None
@@ -68,7 +68,7 @@ def address_space_hint() -> str | None:
 class PeakMemory:
     """A meter of the peak memory of this process since the last reset, as Linux counts it; unknown on other systems.
 
-    A new meter first returns freed memory to the system, if the C library can, as it would be counted.
+    A new meter first returns freed memory to the system, if the C library can, because Linux would count it.
     """
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class PeakMemory:
         self.reset()
 
     def reset(self) -> None:
-        """Start again from the memory held now."""
+        """Start the measurement again: the peak becomes the memory that this process holds now."""
         self._is_known = False
         with contextlib.suppress(OSError):  # the file may be missing or not writable
             _RESET.write_text("5")
@@ -91,7 +91,7 @@ class PeakMemory:
 
 
 def _read_meminfo(name: str, otherwise: float) -> float:
-    """Return a number of /proc/meminfo in bytes; `otherwise` if it is missing."""
+    """Return an amount of memory that /proc/meminfo states under a name, in bytes; `otherwise` if it is missing."""
     try:
         text = _MEMINFO.read_text(encoding="ascii")
         return int(text.partition(f"{name}:")[2].split()[0]) * 1024
@@ -100,7 +100,10 @@ def _read_meminfo(name: str, otherwise: float) -> float:
 
 
 def _group_free_bytes(group: Path) -> float:
-    """Return the free bytes of a control group. Cached pages of files count as free, as the kernel takes them back."""
+    """Return the free bytes of a control group; infinite without a limit.
+
+    Memory that caches files counts as free, because Linux takes it back when it is needed.
+    """
     limits, usage, caches = _FILES[2 if (group / "memory.current").exists() else 1]
     limit = min(_read_number(group / name) for name in limits)
     if math.isinf(limit):

@@ -15,7 +15,7 @@ Result = TypeVar("Result")
 
 
 def overlap(items: Iterable[Item], work: Callable[[Item], Result]) -> Generator[Result, None, None]:
-    """Yield the result of `work` for each item, in order. It runs in a thread of its own while the next item is made.
+    """Yield the result of `work` for each item, in order. `work` runs in its own thread while the next item is made.
 
     If making an item raises an error, the results of all items before it are yielded first. If `work` fails, it gets no
     further item. Closing the generator waits for the work that has begun.
@@ -41,7 +41,7 @@ def overlap(items: Iterable[Item], work: Callable[[Item], Result]) -> Generator[
 
 
 def _work_after(before: Sequence[Future[Result]], work: Callable[[Item], Result], item: Item) -> Result:
-    """Return the result of `work` for an item, or raise the error of the item before if its work has failed."""
+    """Return the result of `work` for an item. If the work on the item before has failed, raise that error instead."""
     for each in before:
         each.result()
     return work(item)

@@ -21,12 +21,12 @@ _INVISIBLE_RANGES = (
     (0xFFA0, 0xFFA0),
     (0xE0100, 0xE01EF),
 )
-# All invisible letters and marks.
+# The invisible letters and marks that Python calls printable.
 _INVISIBLE = frozenset(chr(code) for first, last in _INVISIBLE_RANGES for code in range(first, last + 1))
 
 
 class PrintableText(str):
-    """A text that is printable already. Its line breaks come from `join_lines`."""
+    """A text that has been made printable. If it has line breaks, they come from `join_lines`."""
 
     __slots__ = ()
 

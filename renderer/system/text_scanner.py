@@ -1,7 +1,7 @@
 """Read numbers and attributes in texts from outside, in time proportional to the length of the text.
 
-Regular expressions do not backtrack: a repeat is followed by a character that it cannot take, and a search does not
-begin again inside of a repeat.
+The regular expressions here never try a second way to match: a repeat is followed by a character that the repeat cannot
+take, and a search does not begin again inside of a repeat.
 """
 
 from __future__ import annotations
@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 import re
 
-# A number, with or without a sign, a fraction and an exponent.
+# Matches a number, with or without a sign, a fraction and an exponent.
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-# The value of an attribute, after its name.
+# Matches the text after the name of an XML attribute: an equals sign and a value in quotes.
 _VALUE = re.compile(r"""\s*=\s*(?:"([^"]*)"|'([^']*)')""")
-# The most digits of a whole number. Python takes quadratic time for more, and refuses some thousands.
+# The largest number of digits of a whole number that is read. Python takes quadratic time for long numbers, and refuses
+# numbers of some thousand digits.
 _MOST_DIGITS = 300
 
 
@@ -42,9 +43,9 @@ def attribute(element: str, name: str) -> str | None:
 
 
 def unescaped(text: str) -> str:
-    """Return a text of XML or HTML in which references are replaced by characters.
+    """Return a text of XML or HTML in which character references, such as `&lt;`, are replaced by the characters.
 
-    It is unchanged if a reference has too many digits.
+    If a reference has too many digits, the text is returned unchanged.
     """
     import html  # imported late, as its table of names takes a while to load
 

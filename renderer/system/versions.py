@@ -9,9 +9,9 @@ import subprocess
 from importlib import metadata
 from pathlib import Path
 
-# The packages on which measured numbers depend, besides _PACKAGES.
+# The packages on which measured numbers depend, in addition to the packages on which pixels depend.
 MEASURING_PACKAGES = ("flip-evaluator", "scikit-image")
-# The packages on which pixels or files depend.
+# The packages on which the pixels and the files of a film depend.
 _PACKAGES = (
     *("hsplat", "imagecodecs", "imageio-ffmpeg", "moderngl", "nibabel", "numpy", "pydicom", "python-gdcm"),
     "tifffile",
@@ -50,7 +50,7 @@ def commit() -> str:
 
 
 def _git(*arguments: str) -> str:
-    """Return the output of git, without a lock on the repository, which other programs may be using."""
+    """Return the output of a git command in hsplat's repository. Git takes no lock, since other programs may use it."""
     command = ["git", "--no-optional-locks", *arguments]
     return subprocess.run(command, check=False, cwd=_ROOT, capture_output=True, text=True).stdout.strip()
 

@@ -1,7 +1,7 @@
 """Prepare the classification of voxels: the tables with which the kernels of `classify.h` colour and light a voxel.
 
 A voxel's four channels are `(tau c, tau) * h0` with `tau` its extinction, `c` its colour and `h0` the finest spacing:
-optical depths of one voxel, without a unit. If a pyramid averages opacities, they are `(a c, a)` with
+optical depths of one voxel, without a unit. If a pyramid averages opacities, the channels are `(a c, a)` with
 `a = 1 - exp(-tau h0)`. Only colours that are weighted by extinction may be averaged (Wittenbrink, Malzbender, Goss
 1998).
 
@@ -23,12 +23,12 @@ from renderer.transfer.light_factors import NO_LIGHT_GRID
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
 from renderer.volume import Float64, Volume
 
-# Voxels as kernels read them: uint8 and uint16 bit patterns, or wider values.
+# Voxels as kernels read them: bit patterns in uint8 or uint16, or values of a wider type.
 RawVoxels = npt.NDArray[Any]
 
 
 def raw_voxels(volume: Volume) -> RawVoxels:
-    """Return a view of the voxels as kernels read them: as unsigned bit patterns if they have at most 16 bits."""
+    """Return a view of a volume's voxels as kernels read them: unsigned bit patterns for voxels of at most 16 bits."""
     size = volume.values.dtype.itemsize
     return volume.values.view({1: np.uint8, 2: np.uint16}[size]) if size <= 2 else volume.values
 
@@ -43,7 +43,8 @@ def make_classifier(
 ) -> Classifier:
     """Return the classifier of a volume's voxels.
 
-    opacity: whether its channels are opacities, not optical depths. grid: the light that reaches each voxel.
+    shading: the light; None without light. opacity: whether the channels of voxels are opacities, not optical depths.
+    grid: the light that reaches each voxel.
     """
     finest_spacing, dtype = volume.finest_spacing, volume.values.dtype
     breakpoints, lighting = visibility_breakpoints(transfer, finest_spacing), None

@@ -1,7 +1,7 @@
 """Make tables of a transfer function: four channels, linear in the scalar between control points.
 
-`TransferTable` is exact, in float64. It classifies voxels, and serves for nodes and sub-voxel variation.
-`PiecewiseTransfer` is the same table in float32, over the normalized scalars of texels. It serves for drawing bricks.
+`TransferTable` is exact, in float64. By it, voxels are classified, and nodes and sub-voxel variation are computed.
+`PiecewiseTransfer` is the same table in float32, over the normalized scalars of texels. By it, bricks are drawn.
 """
 
 from __future__ import annotations
@@ -11,23 +11,30 @@ import numpy as np
 from renderer.kernels import PiecewiseTransfer, TransferTable
 from renderer.volume import Float32, Float64, Int32
 
-# The number of buckets of scalars from which the search for a segment starts. Most buckets hold no control point, and
-# the guide's 8 KiB stay in cache.
+# The number of buckets that a table divides the range of scalars into. A list of buckets, the guide, says where the
+# search for the segment of a scalar starts. Most buckets hold no control point, and the guide's 8 KiB stay in cache.
 GUIDE_SIZE = 1024
 
-# The largest normalized scalar. Larger ones are clamped, so that no interpolation towards a visible scalar overflows.
+# The largest magnitude of a normalized scalar. Larger scalars are clamped, so that no interpolation towards a visible
+# scalar overflows.
 MAX_NORMALIZED_SCALAR = 2.0**20
-# The width of a range from which on it is halved, as MAX_NORMALIZED_SCALAR times the width would overflow.
+# Ranges of scalars that are at least as wide as this are halved, because MAX_NORMALIZED_SCALAR times the width would
+# overflow.
 _MAX_UNSCALED_WIDTH = 2.0**1000
 
-# The number of floats of a segment in PiecewiseTransfer.rows.
+# The number of floats in a row of PiecewiseTransfer.rows, which describes a segment between two control points.
 PIECE_FLOATS = 12
-# The width below which a segment has no finite slope in float32. No scalar falls into such a segment.
+# A segment that is at most as wide as this gets the slope 0, because its slope may not be finite in float32. No scalar
+# falls into such a segment.
 _MIN_SEGMENT_WIDTH = 2.0**-80
 
 
 def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) -> TransferTable:
-    """Return the table with the channels [n, 4] at control values [n]."""
+    """Return the table that interpolates channels between control values.
+
+    values: the control values, ascending, [n]. channels: the channels at these values, [n, 4]. scale: a power of two by
+    which scalars are multiplied, so that their differences are finite.
+    """
     scaled = values * scale
     starts, lows = np.concatenate([scaled[:1], scaled]), np.concatenate([channels[:1], channels])
     widths, rises = np.ones_like(starts), np.zeros_like(lows)
@@ -36,7 +43,7 @@ def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) 
     origin, extent = float(scaled[0]), float(scaled[-1] - scaled[0])
     bounds, buckets_per_unit = np.full(GUIDE_SIZE + 3, np.inf), 0.0
     if extent > GUIDE_SIZE * np.finfo(np.float64).tiny:
-        # Bounds have a bucket of slack on both sides, as `transfer.h` rounds the number of a bucket.
+        # There is one bucket more on both sides, because `transfer.h` rounds the number of a scalar's bucket.
         bounds = origin + extent * ((np.arange(GUIDE_SIZE + 3) - 1) / GUIDE_SIZE)
         buckets_per_unit = GUIDE_SIZE / extent
     bounds[0] = -np.inf  # scalars below the first control value fall into the first bucket
@@ -46,7 +53,7 @@ def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) 
 
 
 def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> PiecewiseTransfer:
-    """Return the table of scalars normalized to the range from `first` to `last`."""
+    """Return the table `curve` in float32, for scalars that are normalized to the range from `first` to `last`."""
     width, factor = range_width(first, last)
     with np.errstate(over="ignore"):  # infinite knots are clamped
         knots = (curve.values * factor - first * factor) / width
@@ -67,7 +74,7 @@ def _lowest_visible(rows: Float32, guide: Int32) -> np.float32:
 
     It is the start of the first segment with a positive extinction. If the extinction is 0 at the origin of a segment,
     and its slope is not positive, no scalar above the origin has a positive extinction, also after rounding. Only the
-    segment in which the search starts has scalars below its origin.
+    segment in which the search starts has scalars below its origin. rows, guide: members of PiecewiseTransfer.
     """
     first = guide[0]
     tau, slope = rows[first:, 2], rows[first:, 3]
@@ -79,9 +86,10 @@ def _lowest_visible(rows: Float32, guide: Int32) -> np.float32:
 
 
 def range_width(first: float, last: float) -> tuple[float, float]:
-    """Return the width of a range times a factor, and the factor: 1, or 1/2 if the width may overflow.
+    """Return the width of a range of scalars times a factor, and the factor: 1, or 1/2 if the width may overflow.
 
-    With the factor, a difference of scalars overflows only if it exceeds MAX_NORMALIZED_SCALAR widths.
+    If scalars are multiplied by the factor, their differences overflow only if they exceed MAX_NORMALIZED_SCALAR
+    widths.
     """
     factor = 1.0 if last - first < _MAX_UNSCALED_WIDTH else 0.5
     return last * factor - first * factor, factor

@@ -26,28 +26,28 @@ from renderer.scene import ColormapSpec, LabelsSpec, TransferSpec, colormap_poin
 from renderer.transfer.piecewise import make_transfer_table
 from renderer.volume import Array, Float64
 
-# The largest optical depth of a voxel. Its transmittance, exp(-40) = 4e-18, is far below half a step of 8 bits, and
-# below the resolution of float64 at 1: such a voxel is opaque in any image.
+# The largest optical depth of a voxel. The transmittance of such a voxel, exp(-40) = 4e-18, is far below half a step of
+# 8 bits, and below the resolution of float64 at 1: the voxel is opaque in any image.
 MAX_VOXEL_DEPTH = 40.0
 
-# The threshold of optical depths and opacities below which they count as 0: a row of 10^10 such voxels would still be
-# invisible. The mean of one such voxel and 2^36 empty ones is still a normal number of float32.
+# A voxel whose optical depth or opacity is less than this is invisible, and its channels are 0: a row of 10^10 such
+# voxels would still be invisible. The mean of a voxel at the threshold and 2^36 empty voxels is a normal float32.
 VISIBILITY_THRESHOLD = 2.0**-80
 
-# The exponent of the power of two below which numbers have finite differences.
+# Numbers below 2 to the power of this have differences that are finite in float64.
 LARGEST_EXPONENT = 1022
 
-# The largest difference between a line in the scalar and a line in its logarithm, as a share of the rise between two
-# points. If the logarithms of the points differ by h, it is at most h / 8.
+# The largest error of interpolating linearly in the scalar in place of its logarithm, as a share of the difference
+# between the two points. If the logarithms of the points differ by h, the error is at most h / 8.
 MAX_LOG_ERROR = 0.005
 
-# The number of samples of a smooth curve as which colormaps are published.
+# The number of colours that a colormap is sampled with. Most colormaps are published as this many samples.
 NUM_COLORMAP_SAMPLES = 256
 
 
 @dataclass(frozen=True)
 class TransferFunction:
-    """A piecewise linear map from scalars to colours and extinctions, by its control points.
+    """A transfer function: a piecewise linear map from scalars to colours and extinctions, by its control points.
 
     values: float64 [n], not descending, in data units.
     colors: float64 [n, 3], in [0, 1].
@@ -73,7 +73,10 @@ class TransferFunction:
         return curve
 
     def classify(self, scalars: Array) -> tuple[Float64, Float64]:
-        """Return the colours float64 [..., 3] and extinctions float64 [...] of scalars of any real dtype and shape."""
+        """Return the colours of scalars, float64 [..., 3], and their extinctions, float64 [...].
+
+        scalars: [...], of any real dtype and shape.
+        """
         curve, s = self.curve(), scalars.astype(np.float64)
         rows = curve.rows[np.searchsorted(self.values, s, side="right")]
         t = (np.clip(s, self.values[0], self.values[-1]) * curve.scale - rows[..., 0]) / rows[..., 1]
@@ -107,17 +110,17 @@ def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> Transfe
 
 
 def _binary_exponent(values: npt.ArrayLike) -> int:
-    """Return the exponent of the power of two above the largest magnitude of some values."""
+    """Return the exponent of a power of two that is above the magnitudes of all values."""
     return math.frexp(float(np.abs(values).max()))[1]
 
 
 def _colormap_control_points(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tuple[Float64, Float64, Float64]:
-    """Return the control points of a colormap and of extinctions, merged.
+    """Return control points that join a colormap's colours and given extinctions: values, colours and extinctions.
 
-    at: the values of the control points of extinctions.
+    at: the values of the control points of extinctions. extinctions: the extinctions at these values.
     """
     first, last = spec.range
-    # The scale brings the range to [-1/2, 1/2], where slopes are finite.
+    # The scale brings the range of the colormap into [-1/2, 1/2], where slopes are finite.
     scale = math.ldexp(1.0, min(-1 - _binary_exponent(spec.range), 1000))
     # If the range has fewer numbers than the colormap has samples, each number occurs once, with its own colour.
     samples = np.unique(np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale)
@@ -136,9 +139,10 @@ def _colormap_control_points(spec: ColormapSpec, at: Float64, extinctions: Float
 def _logarithmic_control_points(
     spec: ColormapSpec, at: Float64, extinctions: Float64
 ) -> tuple[Float64, Float64, Float64]:
-    """Return control points as `_colormap_control_points`, for a colormap that is linear in the scalar's logarithm.
+    """Return values, colours and extinctions of control points for a colormap that is linear in the scalar's logarithm.
 
-    Points are added until lines in the scalar are within MAX_LOG_ERROR of lines in its logarithm.
+    Points are added until interpolation in the scalar is within MAX_LOG_ERROR of interpolation in its logarithm. at:
+    the values of the control points of extinctions. extinctions: the extinctions at these values.
     """
     logs, ends = np.log(at), np.log(spec.range)
     points = TransferFunction(*_colormap_control_points(replace(spec, range=tuple(ends)), logs, extinctions), 1.0)
@@ -158,10 +162,10 @@ def _logarithmic_control_points(
 
 
 def visibility_breakpoints(transfer: TransferFunction, finest_spacing: float) -> Float64:
-    """Return the ascending scalars at which a voxel becomes visible or invisible: float64 [m].
+    """Return the scalars at which a voxel becomes visible or invisible, ascending, float64 [m].
 
-    A slope that rises from 0 becomes visible at the next number of float64, so that its foot is invisible. A step
-    belongs to its upper side. Two changes at one scalar cancel.
+    A slope that rises from 0 becomes visible at the next number of float64, so that its foot is invisible. The scalar
+    of a step has the visibility of the upper side. Two changes at one scalar cancel.
     """
     values, is_visible = transfer.values, transfer.extinctions * finest_spacing >= VISIBILITY_THRESHOLD
     found = [-math.inf] if is_visible[0] else []

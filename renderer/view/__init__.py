@@ -1,7 +1,7 @@
 """Place the camera on its path, and find the splats and bricks that it sees, in their order.
 
-In: `CameraSpec`, and world positions of visible cells. Out: a `View` for each frame, framed so that nothing is
-clipped; the order of the splats or bricks that it sees, and their place on the image.
+In: `CameraSpec`, and world positions of visible cells. Out: a `View` for each frame, at a distance at which all visible
+cells are in the picture; the order of the splats or bricks that it sees, and their place on the image.
 
 - `camera.py`: the view of one frame
 - `paths.py`: camera paths: turntables, rockers (back and forth), keyframes and sequences of paths

@@ -19,17 +19,19 @@ from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import model_view
 from renderer.volume import Float64, UInt32, Volume
 
-# The distance between the eye and the volume's centre, in model units, below which rays begin at the eye.
+# If the eye is nearer to the volume's centre than this, in model units, rays begin at the eye, and not on the plane
+# through the centre. Another point may be given in place of the centre.
 _NEAR_EYE_DISTANCE = 2.0
 
 
 def ray_setup(
     volume: Volume, length: float, view: View, clip: tuple[ClipSpec, ...] = (), middle: Float64 | None = None
 ) -> RaySetup:
-    """Return the rays of a view in the grid of a volume; `length` is the world length of a model unit.
+    """Return the set-up of a view's rays in the index space of a volume: where they begin, and their directions.
 
-    clip: further planes and boxes, besides the view's. middle: a world position on the plane on which rays begin and
-        depths are 0; one position for several volumes makes their depths agree. By default, it is the volume's centre.
+    length: the world length of a model unit. clip: clip planes and boxes in addition to those of the view. middle: a
+        world position on the plane on which rays begin and depths are 0; the same position for several volumes makes
+        their depths agree. By default, it is the volume's centre.
     """
     centre = view.view_from_world(volume.centre) / length
     begins = centre if middle is None else view.view_from_world(middle) / length
@@ -52,9 +54,9 @@ def ray_setup(
 
 
 def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
-    """Return the bricks that may touch the image, in their exact order front to back: uint32 [k].
+    """Return the bricks that may touch the image, in their exact order front to back, uint32 [k].
 
-    Bricks that are clipped away as a whole are left out.
+    Returns indices into the batch. Bricks that are clipped away as a whole are left out.
     """
     cut = batch.cut
     rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
@@ -66,11 +68,12 @@ def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
 
 
 def screen_rectangles(batch: BrickBatch, order: UInt32, view: View) -> Float64:
-    """Return rectangles around the visible bounds of bricks: float64 [n, 4], left, top, right and bottom, in pixels.
+    """Return the rectangles around the visible bounds of bricks on the image.
 
-    Rectangles are clipped to the image, enlarged by the pixels that the coarsest pixel grid has beyond its edges. A
-    rectangle is empty (right <= left or bottom <= top) if the bounds are outside of the image, and the whole image if
-    the eye plane cuts the bounds.
+    order: the indices of the bricks, [n]. Returns float64 [n, 4]: left, top, right and bottom, in pixels. Rectangles
+    are clipped to the image, enlarged by the pixels that the coarsest pixel grid has beyond the image's edges. A
+    rectangle is empty (right <= left or bottom <= top) if the bounds are outside of the image, and it is the whole
+    image if the eye plane cuts the bounds.
     """
     volume, camera = batch.cut.volume, model_view(batch, view)
     view_from_index = view.axes @ volume.world_from_index[:3, :3] / batch.model_unit

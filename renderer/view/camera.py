@@ -13,16 +13,16 @@ from renderer.volume import Float64
 
 @dataclass(frozen=True)
 class View:
-    """A right-handed camera that looks along -z of its view space, x to the right and y up. Image row 0 is the top.
+    """The camera of one frame, which looks along -z of its view space, with x to the right and y up.
 
     axes: float64 [3, 3], orthonormal; its rows are the view's x, y and z in the world: right, up, and backward.
     target: float64 [3], a world position on the optical axis. distance: the distance from the target to the eye, along
         the view's z.
     projection: perspective or orthographic.
     scale_px: the focal length in pixels (perspective), or pixels per world unit (orthographic).
-    size: (width, height) in pixels.
+    size: (width, height) of the image, in pixels; row 0 is the top.
     near: world distance from the eye plane within which nothing is drawn, >= 0.
-    clip: the clip planes and boxes.
+    clip: the clip planes and boxes of the scene.
 
     A view-space point (x, y, z) projects to column `width / 2 + scale_px * x / w` and row `height / 2 - scale_px * y /
     w`, in pixels from the top left corner of the image, with w = -z in perspective and 1 otherwise.
@@ -41,19 +41,19 @@ class View:
     clip: tuple[ClipSpec, ...] = ()
 
     def view_from_world(self, points_world: Float64) -> Float64:
-        """Transform world positions [..., 3] to view space: float64 [..., 3]. The target is subtracted first."""
+        """Return world positions, [..., 3], in view space, float64 [..., 3]. The target is subtracted first."""
         return np.asarray((points_world - self.target) @ self.axes.T - (0.0, 0.0, self.distance))
 
     def clipped(self, clip: tuple[ClipSpec, ...]) -> View:
-        """Return the view with further clip planes and boxes."""
+        """Return the view with clip planes and boxes added to its own."""
         return replace(self, clip=self.clip + clip)
 
     @property
     def eye(self) -> Float64:
-        """Return the eye in world coordinates, or a point on the eye plane if orthographic: float64 [3]."""
+        """Return the position of the eye in the world, float64 [3]; a point on the eye plane if orthographic."""
         return np.asarray(self.target + self.distance * self.axes[2])
 
     @property
     def forward(self) -> Float64:
-        """Return the unit viewing direction in world coordinates: float64 [3]."""
+        """Return the viewing direction in the world, a unit vector, float64 [3]."""
         return np.asarray(-self.axes[2])

@@ -1,7 +1,8 @@
 """Place the clip planes and boxes of a view in the index space of its rays, as slabs between parallel planes.
 
-Each clip plane and each inverted box leaves a convex set. Together they leave the intersection of several slabs. A box
-removes the intersection of the slabs across its three axes.
+A clip plane leaves the half of space on one side, and an inverted box leaves the inside of the box: together they leave
+the intersection of several slabs. A box that is not inverted removes the intersection of the slabs across its three
+axes.
 """
 
 from __future__ import annotations
@@ -15,16 +16,17 @@ from renderer.scene import FACE_DEPTH, ClipSpec
 from renderer.view.camera import View
 from renderer.volume import Bools, Float64, Volume
 
-# The columns of a slab that hold its normal in index space. The last three columns hold its normal in the world.
+# A slab, between two parallel planes, is an array [8]. These columns hold the normal of the planes in index space; the
+# last three columns hold the normal in the world.
 _NORMAL = slice(0, 3)
-# The column of a slab that holds its lower bound.
+# The column of a slab's array that holds the lower bound: the position of the first plane along the normal.
 _LOW = 3
-# The column of a slab that holds its upper bound.
+# The column of a slab's array that holds the upper bound: the position of the second plane along the normal.
 _HIGH = 4
 
 
 def place_clips(volume: Volume, clip: Sequence[ClipSpec], view: View | None = None) -> ClipRegion | None:
-    """Return the region that planes and boxes leave; None without any.
+    """Return the region of a volume that clip planes and boxes leave; None without planes and boxes.
 
     view: the view, which is needed only if a plane or a box is fixed to the camera.
     """
@@ -53,14 +55,15 @@ def place_clips(volume: Volume, clip: Sequence[ClipSpec], view: View | None = No
 
 
 def place_object_clips(volume: Volume, clip: Sequence[ClipSpec]) -> ClipRegion | None:
-    """Return the region that the planes and boxes fixed to the object leave; None without any."""
+    """Return the region that clip planes and boxes fixed to the object leave; None without such planes and boxes."""
     return place_clips(volume, [each for each in clip if each.fixed == "object"])
 
 
 def are_clipped_away(clip: ClipRegion, bounds: Float64) -> Bools:
-    """Return which boxes are surely clipped away as a whole: bool [n].
+    """Return which boxes are surely clipped away as a whole, bool [n].
 
-    bounds: float64 [n, 2, 3], lowest and highest corners in index space relative to the volume's centre.
+    clip: the region that clipping leaves. bounds: the lowest and the highest corner of each box, in index space
+    relative to the volume's centre, float64 [n, 2, 3].
     """
     middles, halves = _middles_and_halves(bounds)
     low, high = _span(clip.slabs, middles, halves)
@@ -71,9 +74,10 @@ def are_clipped_away(clip: ClipRegion, bounds: Float64) -> Bools:
 
 
 def are_near_faces(clip: ClipRegion, volume: Volume, bounds: Float64) -> Bools:
-    """Return which boxes of a volume may be lit as a face that clipping cuts: bool [n].
+    """Return which boxes of a volume are so near a cut face that they may be lit by the face's normal, bool [n].
 
-    bounds: float64 [n, 2, 3], in index coordinates.
+    clip: the region that clipping leaves. bounds: the lowest and the highest corner of each box, in index coordinates,
+    float64 [n, 2, 3].
     """
     depth, (middles, halves) = FACE_DEPTH * volume.finest_spacing, _middles_and_halves(bounds - volume.centre_index)
     low, high = _span(clip.slabs, middles, halves)
@@ -84,12 +88,15 @@ def are_near_faces(clip: ClipRegion, volume: Volume, bounds: Float64) -> Bools:
 
 
 def _middles_and_halves(bounds: Float64) -> tuple[Float64, Float64]:
-    """Return the middles of boxes, and half the length of their sides: float64 [n, 3] each."""
+    """Return the middles of boxes and half of their sides, float64 [n, 3] each. bounds: their corners, [n, 2, 3]."""
     return (bounds[:, 0] + bounds[:, 1]) / 2, (bounds[:, 1] - bounds[:, 0]) / 2
 
 
 def _span(slabs: Float64, middles: Float64, halves: Float64) -> tuple[Float64, Float64]:
-    """Return the smallest and the largest n . p of each box, for the normals n of slabs [..., 8]: float64 [n, ...]."""
+    """Return the ends of each box along the normal of each slab, float64 [n, ...] each.
+
+    slabs: [..., 8]. middles, halves: the middles of boxes and half of their sides, [n, 3].
+    """
     normals = slabs[..., _NORMAL]
     middle = np.tensordot(middles, normals, (1, -1))
     half = np.tensordot(halves, np.abs(normals), (1, -1))

@@ -1,8 +1,9 @@
 """Sort splats and bricks back to front. Cells of equal depth are drawn in the order of the cut.
 
-`order_by_depth` sorts splats that overlap by depth. `box_order` is the exact visibility order of the octree's cells as
-boxes (the traversal of Laur and Hanrahan 1991). It is right for bricks, and for footprints inside their cells;
-overlapping footprints show seams along the planes between large cells seen edge-on.
+`order_by_depth` sorts splats by depth, for footprints that overlap. `box_order` is the exact visibility order of the
+octree's cells as boxes (the traversal of Laur and Hanrahan 1991). It is right for bricks, and for footprints that do
+not reach beyond their cells; with overlapping footprints, it shows seams along the planes between large cells seen
+edge-on.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from renderer.volume import Float32, Int32, UInt8, UInt32, Volume
 
 
 def order_by_depth(depths: Float32) -> UInt32:
-    """Return the indices of depths in descending order, and of equal depths in ascending order: uint32 [n].
+    """Return the indices of depths, the largest depth first, uint32 [n]; equal depths keep their order.
 
     depths: [n], without NaN.
     """
@@ -25,9 +26,10 @@ def order_by_depth(depths: Float32) -> UInt32:
 
 
 def box_order(levels: UInt8, cells: Int32, volume: Volume, view: View) -> UInt32:
-    """Return the indices of octree nodes, drawn as boxes, in their exact order from back to front: uint32 [n].
+    """Return the indices of octree nodes, drawn as boxes, in their exact order from back to front, uint32 [n].
 
-    levels: [n], the levels of the nodes. cells: [n, 3], x, y, z in units of the node's own width, 2^level voxels.
+    levels: the levels of the nodes, [n]. cells: the positions x, y, z of the nodes, in units of the node's own width,
+    which is 2^level voxels, [n, 3].
     """
     index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     if view.projection == "perspective":

@@ -13,9 +13,10 @@ import numpy as np
 from renderer.scene import FlightPath, Motion
 from renderer.volume import Float64
 
-# The number of chords by which the length of a curve between two keys is measured: to 1e-6 for an arc of 90 degrees.
+# The number of chords by which the length of a curve between two keys is measured. For an arc of 90 degrees, the error
+# is 1e-6.
 _NUM_CHORDS = 512
-# A place of the camera is float64 [8]. These are the columns of the eye.
+# A place of the camera is an array [8] of eye, target, roll and zoom. These are the columns of the eye.
 EYE = slice(0, 3)
 # The columns of the target in a place of the camera.
 TARGET = slice(3, 6)
@@ -26,9 +27,10 @@ LOG_ZOOM = 7
 
 
 def fly(path: FlightPath, start: Float64 | None, frames: Float64) -> Float64:
-    """Return the places of the camera at frames [n] of a flight: float64 [n, 8].
+    """Return the places of the camera (eye, target, roll, logarithm of the zoom) on a flight, float64 [n, 8].
 
-    start: the place at the end of the path before the flight; None without one.
+    start: the place at the end of the piece of the path before the flight; None without such a piece. frames: the
+    frames, counted from the start of the flight, [n].
     """
     places = [np.array([*key.position, *key.target, key.roll, 0.0]) for key in path.keys]
     at_frames = [key.frame for key in path.keys]
@@ -47,9 +49,10 @@ def fly(path: FlightPath, start: Float64 | None, frames: Float64) -> Float64:
 
 
 def _way(curve: Float64, at: Float64) -> Float64:
-    """Return the lengths of a curve from its start to parameters `at` [n]: float64 [n].
+    """Return the length of a flight's curve from its start to each of some parameters, float64 [n].
 
-    The length is measured along the eye's way, or along the target's way between keys at which the eye stays.
+    The length is measured along the eye's way, or along the target's way between keys at which the eye stays. curve:
+    the places at the keys, [k, 8]. at: the parameters, [n]; key k has the parameter k.
     """
     moves = np.diff(_on_curve(curve, at), axis=0).reshape(len(curve) - 1, _NUM_CHORDS, -1)
     eye, target = (np.linalg.norm(moves[..., part], axis=2) for part in (EYE, TARGET))
@@ -57,9 +60,9 @@ def _way(curve: Float64, at: Float64) -> Float64:
 
 
 def _on_curve(curve: Float64, at: Float64) -> Float64:
-    """Return places on a Catmull-Rom curve through keys [k, 8] at parameters `at` [n]: float64 [n, 8].
+    """Return places of the camera on a Catmull-Rom curve through keys, float64 [n, 8].
 
-    The curve passes through key k at the parameter k.
+    curve: the places at the keys, [k, 8]. at: the parameters of the places, [n]; key k has the parameter k.
     """
     steps = np.sqrt(np.linalg.norm(np.diff(curve[:, :6], axis=0), axis=1))[:, None]
     steps[steps == 0.0] = 1.0

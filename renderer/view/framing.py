@@ -23,27 +23,29 @@ from renderer.view.paths import CameraPoses, camera_poses, focal_length_px, iter
 from renderer.view.seen import seen_cells
 from renderer.volume import Bools, Float64, Int64, Volume
 
-# The margin along every side, as a share of half the frame's smaller side: a footprint extends beyond its cell's
-# centre.
+# The margin that framing leaves free along every side of the image, as a share of half of the image's smaller side: a
+# footprint reaches beyond the centre of its cell.
 MARGIN = 0.03
-# The width of a cell on the image, in pixels, below which it is finer than the narrowest footprint.
+# A cell is finer than the narrowest footprint if it is narrower than this on the image, in pixels.
 SMALLEST_CELL_PX = 0.5
-# The most scalar products that are held at a time: 16 MB of float64.
+# The largest number of scalar products, of points with directions, that are in memory at a time: 16 MB of float64.
 _MAX_PRODUCTS = 2_000_000
-# The most frames in a run of similar directions: a third of a degree of a turntable of a million frames.
+# The largest number of frames whose directions are taken together as similar: a third of a degree of a turntable of a
+# million frames.
 _MAX_RUN = 1024
 
 
 def fit_distance(
     camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int], margin: float = MARGIN
 ) -> float:
-    """Return the smallest distance at which all points are inside the frame without its margin, on the whole path.
+    """Return the smallest distance of the eye from the target at which all points are in the image, on the whole path.
 
-    At this distance, all points are also at a depth of `camera.near` or more, which may keep orthographic cameras with
-    wide fields of view farther away than the frame needs. The zoom of keyframes is ignored, as it magnifies on purpose.
-    Flights have eyes of their own; a path of flights alone fits at any distance.
+    Points are inside the margin of the image. They are also at a depth of `camera.near` or more, which may keep
+    orthographic cameras with wide fields of view farther away than the image needs. The zoom of keyframes is ignored,
+    because it magnifies on purpose. Flights have eyes of their own; a path of flights alone fits at any distance.
 
-    points_world: float64 [n, 3]. Raises InputError if there is nothing to frame.
+    points_world: float64 [n, 3]. margin: the margin, as a share of half of the image's smaller side. Raises InputError
+    if there is nothing to frame.
     """
     if points_world.size == 0:
         raise InputError(
@@ -72,9 +74,9 @@ def least_distance(
     margin: float = MARGIN,
     frames: Sequence[int] | None = None,
 ) -> float:
-    """Return the distance that `fit_distance` looks for, which may be 0 or less.
+    """Return the smallest distance at which all points are in the image, as `fit_distance`; it may be 0 or less.
 
-    frames: the frames of the path that count, None for all.
+    frames: the frames of the path at which the points must be in the image, None for all frames.
     """
     offsets = points_world - np.asarray(target, np.float64)
     width, height = size
@@ -93,13 +95,16 @@ def least_distance(
 
 
 def corners_around(volume: Volume, points_world: Float64, reach: float) -> Float64:
-    """Return the corners of the boxes that reach a number of voxels from points [n, 3] along each axis: [8 n, 3]."""
+    """Return the corners of boxes around points, [8 n, 3] in the world.
+
+    points_world: the points, [n, 3]. reach: how far each box reaches from its point along each axis, in voxels.
+    """
     signs = np.stack(np.meshgrid(*[(-reach, reach)] * 3), axis=-1).reshape(-1, 3)
     return np.asarray(points_world[:, None] + signs @ volume.world_from_index[:3, :3].T, np.float64).reshape(-1, 3)
 
 
 def visible_centre(points_world: Float64) -> Vector:
-    """Return the middle of the bounding box of points, float64 [n, 3], n > 0."""
+    """Return the middle of the bounding box of points. points_world: float64 [n, 3], at least one point."""
     x, y, z = (points_world.min(axis=0) + points_world.max(axis=0)) / 2
     return float(x), float(y), float(z)
 
@@ -109,8 +114,9 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
 
     Neighbouring normals of a path are similar, so that normals are taken in runs. With r the largest length of a point,
     and d the largest distance of a normal in a run from the run's middle normal, a point's product with any normal of
-    the run differs from its product with the middle normal by at most `d r`. So only points within `2 d r` of the
-    largest middle product are multiplied with the other normals, and runs that cannot reach `least` are skipped.
+    the run differs from its product with the middle normal by at most `d r`. So only points whose product with the
+    middle normal is within `2 d r` of the largest such product are multiplied with all normals of the run. Runs that
+    cannot reach `least` are skipped.
     """
     radius = float(np.sqrt((points**2).sum(axis=1).max()))
     rows = min(_MAX_RUN, max(1, _MAX_PRODUCTS // len(points)))
@@ -118,7 +124,7 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
         run = normals[first : first + rows]
         middle = run[len(run) // 2]
         products = points @ middle
-        # The bound `d r`, and a little more for rounding.
+        # slack: the bound `d r`, and a little more for rounding.
         slack = 1.0001 * radius * float(np.sqrt(((run - middle) ** 2).sum(axis=1).max())) + 1e-12 * abs(least)
         best = float(products.max())
         if best + slack > least:
@@ -128,18 +134,19 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
 
 
 def visible_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> Float64:
-    """Return corners of visible cells in the world that reach as far as all visible cells in every direction.
+    """Return corners of visible cells that reach as far as all visible cells in every direction, float64 [n, 3].
 
-    They are float64 [n, 3], or the corners of the whole volume if nothing is visible. The cells are 1/128 of the volume
-    or smaller, down to two voxels (`Pyramid.occupied`). clip: a region; cells outside of it do not count.
+    Corners are in the world. If nothing is visible, the corners of the whole volume are returned. The cells are 1/128
+    of the volume or smaller, down to two voxels (`Pyramid.occupied`). clip: the region that clipping leaves; cells
+    outside of it do not count.
     """
     return _extreme_corners(pyramid, pyramid.occupied if clip is None else _without_clipped_cells(pyramid, clip))
 
 
 def framed_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> tuple[Float64, float]:
-    """Return the points of `visible_points` without cells that add next to nothing to a picture.
+    """Return corners as `visible_points`, but without cells that add next to nothing to a picture.
 
-    The second value is the share of a picture that these cells add; mostly 0, as no cells are left out.
+    The second result is the share of a picture that the omitted cells would add; mostly 0, as no cells are omitted.
     """
     cells = pyramid.occupied if clip is None else _without_clipped_cells(pyramid, clip)
     seen = seen_cells(pyramid, cells)
@@ -147,13 +154,17 @@ def framed_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> tuple[Flo
 
 
 def _extreme_corners(pyramid: Pyramid, occupied: Bools) -> Float64:
-    """Return corners of occupied cells that reach as far as all of them in every direction. See `visible_points`."""
+    """Return corners of cells, in the world, that reach as far as all of the cells in every direction, float64 [n, 3].
+
+    occupied: which cells these are, bool [z, y, x]. Without any, the corners of the whole volume are returned.
+    """
     volume, level = pyramid.volume, pyramid.occupied_level
     shape = np.array(volume.shape_xyz)
     rows = occupied.any(axis=2)
     if not rows.any():
         return volume_corners(volume)
-    # On each line along x, only the first and the last corner can be extreme. Up to four rows of cells share a corner.
+    # On each line of corners along x, only the first and the last corner can be extreme. Up to four rows of cells share
+    # such a line.
     num = occupied.shape[2]
     row_first = np.where(rows, occupied.argmax(axis=2), num)
     row_last = np.where(rows, num - occupied[..., ::-1].argmax(axis=2), 0)
@@ -164,9 +175,9 @@ def _extreme_corners(pyramid: Pyramid, occupied: Bools) -> Float64:
 
 
 def _without_clipped_cells(pyramid: Pyramid, clip: ClipRegion) -> Bools:
-    """Return which occupied cells clipping leaves, at least in part."""
+    """Return which occupied cells of a pyramid clipping leaves, at least in part, bool [z, y, x]."""
     volume, left = pyramid.volume, np.zeros_like(pyramid.occupied)
-    for z in range(len(left)):  # planes are taken one at a time, to bound memory
+    for z in range(len(left)):  # layers of cells are taken one by one, to bound memory
         y, x = np.nonzero(pyramid.occupied[z])
         first = np.column_stack([x, y, np.full_like(x, z)]) << pyramid.occupied_level
         last = np.minimum(first + (1 << pyramid.occupied_level), volume.shape_xyz)
@@ -182,9 +193,10 @@ def volume_corners(volume: Volume) -> Float64:
 
 
 def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:
-    """Return the extreme value of the four rows of cells around each corner: [nz + 1, ny + 1].
+    """Return the extreme value of the four rows of cells around each line of corners, [nz + 1, ny + 1].
 
-    extreme: np.minimum or np.maximum. of_rows: [nz, ny], a value for each row. outside: the value beyond the border.
+    extreme: np.minimum or np.maximum. of_rows: a value for each row of cells along x, [nz, ny]. outside: the value of
+    rows beyond the border.
     """
     padded = np.pad(of_rows, 1, constant_values=outside)
     in_y = extreme(padded[:, 1:], padded[:, :-1])
@@ -194,10 +206,11 @@ def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> 
 def finest_useful_level(
     volume: Volume, points_world: Float64, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> int:
-    """Return the finest level with a cell wider than SMALLEST_CELL_PX on some frame; 0 if an eye may be among cells.
+    """Return the coarsest level of a pyramid whose cells are at most SMALLEST_CELL_PX wide on all frames; else 0.
 
-    The width of a cell is bounded by the longest diagonal of a voxel, at the smallest depth and the steepest angle of
-    the points' bounding box.
+    Finer levels show nothing more, as no footprint is narrower. The width of a cell is bounded by the longest diagonal
+    of a voxel, at the smallest depth and the steepest angle of the points' bounding box. If the eye may be inside this
+    box, the level is 0.
     """
     low, high = points_world.min(axis=0), points_world.max(axis=0)
     box = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
@@ -221,9 +234,10 @@ def finest_useful_level(
 def smallest_voxel_px(
     volume: Volume, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> float:
-    """Return the smallest width, over all frames, of the finest spacing at the volume's centre, in pixels.
+    """Return the smallest width that a voxel at the volume's centre has on any frame, in pixels.
 
-    An eye nearer to the centre than half of the volume's diagonal counts as that far away, as most visible voxels are.
+    The width is of the finest spacing. An eye nearer to the centre than half of the volume's diagonal counts as half of
+    the diagonal away, because most visible voxels are about as far away.
     """
     spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
     narrowest_px = math.inf
@@ -237,9 +251,10 @@ def smallest_voxel_px(
 
 
 def _products(directions: Float64, points: Float64, poses: CameraPoses) -> Float64:
-    """Return the scalar products of directions [n, 3] of poses with points relative to their targets.
+    """Return the scalar products of directions with points, whose positions are relative to the camera's target.
 
-    points: [m, 3], for products [n, m]; or one point [3], for products [n].
+    directions: a direction for each pose, [n, 3]. points: [m, 3] in the world, for products [n, m]; or one point [3],
+    for products [n].
     """
     if not poses.is_free.any():
         return np.asarray(directions @ (points - poses.target[0]).T)

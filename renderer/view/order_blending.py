@@ -22,32 +22,35 @@ from renderer.scene import CameraPath
 from renderer.view.paths import ANYWHERE, About, iter_camera_poses
 from renderer.volume import Float64
 
-# Half of the turn over which one order fades into another, in radians. A pop of opaque noise changes colours by 0.4.
-# Over 2.2 degrees, this is 0.002 in 0.01 degrees, about as much as such an image changes anyway.
+# Half of the turn over which one draw order fades into another, in radians. In opaque noise, a sudden change of the
+# order changes colours by 0.4. Over a turn of 2.2 degrees, this is 0.002 in 0.01 degrees, about as much as such an
+# image changes anyway.
 FADE_ANGLE = math.radians(1.1)
 
-# The slope of a step, the difference of depths divided by its length, below which it is level: the smallest difference
-# that float32 resolves in a volume of 2048^3 voxels.
+# A step from a cell to a neighbour is level if its slope, the difference of depths divided by the step's length, is
+# less than this: the smallest difference that float32 resolves in a volume of 2048^3 voxels.
 MIN_SLOPE = 2e-4
 
-# The slope below which a step counts as exactly level.
+# A step from a cell to a neighbour is exactly level if its slope is at most this, which is rounding error.
 ZERO_SLOPE = 1e-9
 
-# The weight below which an order is left out: a jump by this share of a pop is invisible.
+# A draw order whose weight is less than this is left out: colours then jump by this share of the difference between two
+# orders, which is invisible.
 MIN_WEIGHT = 2.0**-9
 
-# The steps (x, y, z) to the next cell along an axis or a diagonal of a plane. Cells farther apart hardly overlap.
+# The steps (x, y, z) from a cell to its neighbours along the axes and the diagonals of the planes of two axes. Cells
+# farther apart hardly overlap.
 NEIGHBOURS = np.array(
     [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)]
 )
 
-# The number of points in each octant of the sphere of nearby views.
+# The views near a view are sampled by points on a sphere, this many in each octant.
 _POINTS_PER_OCTANT = 2048
 
 
 @dataclass(frozen=True)
 class OrderBlending:
-    """The data by which draw orders are blended, while the camera of a film turns relative to a volume's grid.
+    """The data by which draw orders of splats are blended while the camera of a film turns around a volume.
 
     crossing_steps: float64 [k, 3], unit vectors in the world: steps along which neighbours change their order on the
         path.
@@ -65,11 +68,14 @@ class OrderBlending:
 
 
 def make_order_blending(world_from_index: Float64, path: CameraPath, about: About = ANYWHERE) -> OrderBlending:
-    """Return the order blending for a camera on a path and the grid of a volume. about: as in `camera_poses`."""
+    """Return the order blending for a camera on a path and the grid of a volume.
+
+    about: the target of the film, and the distance of the eye from it.
+    """
     steps = NEIGHBOURS @ world_from_index[:3, :3].T
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
     low, high = np.full(len(steps), np.inf), np.full(len(steps), -np.inf)
-    moved, turned = np.zeros((3, 3)), 0.0  # sums of squared movements, of the viewing direction and of all axes
+    moved, turned = np.zeros((3, 3)), 0.0  # sums of squared movements: of the viewing direction; of all axes
     for poses in iter_camera_poses(path, about):
         axes = poses.axes
         slopes = -axes[:, 2] @ steps.T
@@ -82,7 +88,7 @@ def make_order_blending(world_from_index: Float64, path: CameraPath, about: Abou
     keeps_order = ~crosses & (np.minimum(np.abs(low), np.abs(high)) < MIN_SLOPE)
     level_steps = steps[is_level]
     level_rejection = np.eye(3) - (np.linalg.pinv(level_steps) @ level_steps if len(level_steps) else 0.0)
-    # Twice the mean square of a movement on a circle is its largest square.
+    # While an axis moves along a circle, the largest square of its movement in one direction is twice the mean square.
     spread = _matrix_sqrt(2 * moved / turned if turned > 0 else moved)
     nearby_from_sphere = math.sin(FADE_ANGLE) * spread + 2 * MIN_SLOPE * np.eye(3)
     upward = -1.0 * (NEIGHBOURS >= 0).all(axis=1)  # cells of equal depth are drawn in the order of their numbers
@@ -98,9 +104,10 @@ def _matrix_sqrt(squares: Float64) -> Float64:
 
 
 def _tie_breaker(steps: Float64, sides: Float64) -> Float64:
-    """Return a vector along which all steps [n, 3] are at least as steep as MIN_SLOPE, if there is one.
+    """Return a vector along which the slopes of all steps are at least MIN_SLOPE, if there is such a vector.
 
-    sides: [n], numbers whose signs the slopes must have; 0 for either sign.
+    steps: unit vectors from a cell to its neighbours, [n, 3]. sides: for each step, a number with the sign that its
+    slope must have, [n]; 0 for either sign.
     """
     if not len(steps):
         return np.zeros(3)
@@ -111,9 +118,9 @@ def _tie_breaker(steps: Float64, sides: Float64) -> Float64:
 
 
 def sort_directions(blending: OrderBlending, forward: Float64) -> list[tuple[float, Float64]]:
-    """Return the world directions along which splats are sorted for a view, each with the weight of its order.
+    """Return the world directions along which splats are sorted for a view, each with the weight of its draw order.
 
-    There is nearly always one direction. The weights add up to 1, and are continuous in the view.
+    There is nearly always one direction. The weights add up to 1, and change without jumps as the view turns.
     """
     direction = blending.level_rejection @ forward
     steps = blending.crossing_steps
@@ -135,9 +142,9 @@ def sort_directions(blending: OrderBlending, forward: Float64) -> list[tuple[flo
 
 @cache
 def _sphere_points() -> Float64:
-    """Return points that are spread evenly over the unit sphere, and mirrored between its octants: float64 [n, 3]."""
+    """Return points that are spread evenly over the unit sphere, float64 [n, 3]. All octants have mirrored points."""
     z = (np.arange(_POINTS_PER_OCTANT) + 0.5) / _POINTS_PER_OCTANT
-    # Turns by the golden section are even in every range of z.
+    # Turns by the golden section spread the angles of points evenly in every range of z.
     turns = np.arange(_POINTS_PER_OCTANT) * (math.sqrt(5) - 1) / 2 % 1
     angle, radius = math.pi / 2 * turns, np.sqrt(1 - z * z)
     octant = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])

@@ -42,22 +42,25 @@ from renderer.view.camera import View
 from renderer.view.flights import EYE, LOG_ZOOM, ROLL, TARGET, fly
 from renderer.volume import Bools, Float64
 
-# The target of a film, and the distance of the eye from it.
+# The target of a film's camera, and the distance of the eye from the target.
 About = tuple[Vector, float]
 # A target and a distance for callers that only use the directions of poses.
 ANYWHERE: About = (0.0, 0.0, 0.0), 1.0
-# The sine of the angle between a flight's axis and its view, below which the picture is turned as at azimuth 0.
+# A flight looks along its axis, so that no direction is up, if the sine of the angle between them is at most this. The
+# picture is then turned as at azimuth 0.
 _LEAST_SINE = 1e-9
-# The number of frames whose poses are computed at once, which bounds their memory.
+# The number of frames whose poses are computed at once, which bounds the memory of the poses.
 _FRAMES_PER_CHUNK = 1 << 16
 
 
 class CameraPoses(NamedTuple):
     """The poses of a camera at n frames: its orthonormal right-handed axes in the world, and its place.
 
-    direction, right, up: float64 [n, 3]; `direction` points from the target to the eye. zoom: float64 [n],
-    magnifications, > 0. is_free: bool [n], whether the frame is one of a flight. target, distance: float64 [n, 3] and
-    [n], of the flight or else of the film.
+    direction, right, up: the axes, float64 [n, 3]; `direction` points from the target to the eye.
+    zoom: the magnification, > 0, float64 [n].
+    is_free: whether a frame belongs to a flight, bool [n].
+    target: the position that the eye looks at, float64 [n, 3].
+    distance: the distance of the eye from the target, float64 [n].
     """
 
     direction: Float64
@@ -70,17 +73,17 @@ class CameraPoses(NamedTuple):
 
     @property
     def axes(self) -> Float64:
-        """Return the axes, as rows as in `View`: float64 [n, 3, 3]."""
+        """Return the camera's axes at each frame, float64 [n, 3, 3]: rows are right, up and backward, as in `View`."""
         return np.stack([self.right, self.up, self.direction], axis=1)
 
     def rows(self, which: Any) -> CameraPoses:
-        """Return some of the poses. which: a numpy index of frames."""
+        """Return the poses at some of the frames. which: a numpy index of the frames."""
         parts: Any = (each[which] for each in self)
         return CameraPoses(*parts)
 
 
 def camera_poses(path: CameraPath, frames: Sequence[int], about: About = ANYWHERE) -> CameraPoses:
-    """Return the poses at frames of a path, piece by piece. Frame `path.frames` of a loop is frame 0 again.
+    """Return the poses of the camera at frames of a path. On a loop, frame `path.frames` is frame 0 again.
 
     about: the target and the distance of the film.
     """
@@ -94,7 +97,11 @@ def camera_poses(path: CameraPath, frames: Sequence[int], about: About = ANYWHER
 
 
 def _piece_poses(pieces: Sequence[PathPiece], number: int, at: Float64, about: About) -> CameraPoses:
-    """Return the poses at frames [n] of a piece of a path. Flights and holds may begin at the end of another piece."""
+    """Return the poses of the camera on one piece of a path. Flights and holds may begin at the end of another piece.
+
+    number: the index of the piece. at: the frames, counted from the start of the piece, [n]. about: the target and the
+    distance of the film.
+    """
     path = pieces[number]
     if isinstance(path, (FlightPath, HoldPath)):
         others = [k for k, each in enumerate(pieces) if not isinstance(each, HoldPath)]
@@ -129,9 +136,10 @@ def _piece_poses(pieces: Sequence[PathPiece], number: int, at: Float64, about: A
 
 
 def _flight_poses(path: FlightPath, end: CameraPoses | None, at: Float64) -> CameraPoses:
-    """Return the poses of a flight, upright about its axis except for its roll.
+    """Return the poses of the camera on a flight: upright about the flight's axis, then turned by its roll.
 
-    end: the last pose of the piece before it, None without one.
+    end: the last pose of the piece of the path before the flight, None without such a piece. at: the frames, counted
+    from the start of the flight, [n].
     """
     start = None
     if end is not None:
@@ -156,10 +164,10 @@ def _flight_poses(path: FlightPath, end: CameraPoses | None, at: Float64) -> Cam
 
 
 def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
-    """Return sines and cosines of angles [n], with exact values at multiples of 90 degrees.
+    """Return the sines and cosines of angles in degrees, [n], with exact values at multiples of 90 degrees.
 
-    So rays along an axis are parallel to the faces along it. Remainders are exact: a direction is the same after many
-    turns.
+    So rays along an axis are exactly parallel to the faces of the volume along the axis. An angle and the angle after
+    many full turns have exactly the same values.
     """
     right_angles = np.rint(degrees / 90.0)
     rest = np.radians(np.fmod(degrees, 360.0) - 90.0 * np.fmod(right_angles, 4.0))
@@ -171,13 +179,16 @@ def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
 
 
 def iter_camera_poses(path: CameraPath, about: About = ANYWHERE) -> Iterator[CameraPoses]:
-    """Yield the poses of all frames in bounded chunks that overlap by one frame. about: as in `camera_poses`."""
+    """Yield the poses of all frames of a path, in chunks of bounded size that overlap by one frame.
+
+    about: the target and the distance of the film.
+    """
     for first in range(0, max(path.frames - 1, 1), _FRAMES_PER_CHUNK):
         yield camera_poses(path, range(first, min(first + _FRAMES_PER_CHUNK + 1, path.frames)), about)
 
 
 def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, size: tuple[int, int]) -> View:
-    """Return the View of a frame: the eye is at `target + distance * direction`, in world units, or on a flight.
+    """Return the View of a frame: the eye is at `target + distance * direction` in the world, unless it is on a flight.
 
     scale_px is (height / 2) / tan(field of view / 2) in perspective. In orthographic projection,
     2 distance tan(field of view / 2) world units fill the height. Zoom multiplies scale_px: it magnifies and does not
@@ -200,18 +211,18 @@ def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, s
 
 
 def focal_length_px(camera: CameraSpec, size: tuple[int, int]) -> float:
-    """Return (height / 2) / tan(field of view / 2): the pixels of a length of 1 at a depth of 1, without zoom."""
+    """Return the focal length in pixels: how many pixels a length of 1 at a depth of 1 has, without zoom."""
     return size[1] / 2 / math.tan(math.radians(camera.field_of_view) / 2)
 
 
 def _rotation_from_z_to(axis: Vector) -> Float64:
-    """Return the smallest rotation of +z onto an axis, which may have any length: float64 [3, 3]."""
+    """Return the matrix of the smallest rotation of +z onto an axis, float64 [3, 3]. axis: a vector of any length."""
     length = math.hypot(*axis)
     x, y, z = (component / length for component in axis)
     aside = x * x + y * y
-    if aside < 1e-300:  # the axis is z to all digits, and 2 / aside may be infinite
+    if aside < 1e-300:  # the axis is +z or -z to all digits, and 2 / aside may be infinite
         return np.diag([1.0, 1.0, 1.0]) if z > 0.0 else np.diag([1.0, -1.0, -1.0])
-    # Both are 1 / (1 + z); the second avoids cancellation near -z.
+    # Both formulas are 1 / (1 + z); the second formula avoids cancellation for axes near -z.
     factor = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / aside
     return np.array(
         [
@@ -223,7 +234,10 @@ def _rotation_from_z_to(axis: Vector) -> Float64:
 
 
 def _interpolate_keyframes(path: KeyframePath, at: Float64) -> tuple[Float64, Float64, Float64]:
-    """Return azimuth and elevation in degrees, and zoom, at frames [n] of a path with keys: float64 [n] each."""
+    """Return azimuth and elevation in degrees, and zoom, at frames of a path with keys, float64 [n] each.
+
+    at: the frames, counted from the start of the path, [n].
+    """
     if len(path.keys) == 1:
         (key,) = path.keys
         azimuth, elevation, zoom = (np.full_like(at, value) for value in (key.azimuth, key.elevation, key.zoom))
@@ -240,9 +254,10 @@ def _interpolate_keyframes(path: KeyframePath, at: Float64) -> tuple[Float64, Fl
 
 
 def _first_again(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
-    """Return the first key one loop later, with its azimuth changed by whole turns so that the way to it is shortest.
+    """Return the key that closes a loop: the first key, with whole turns added to its azimuth.
 
-    rows: the azimuth, the elevation and the logarithm of the zoom of each key.
+    The turns make the way from the last key to this key shortest. rows: the azimuth, the elevation and the logarithm of
+    the zoom of each key.
     """
     first, last, previous = rows[0], rows[-1], rows[-2]
     way = (first[0] - last[0]) % 360.0

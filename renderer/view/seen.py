@@ -14,24 +14,28 @@ import numpy as np
 from renderer.pyramid import Pyramid, cell_voxel_counts, descendants, root_cells
 from renderer.volume import Bools, Float64, grow, label_parts
 
-# The largest share of a picture that the cells left out may add, together.
+# All cells that framing leaves out add, together, less than this share of a picture.
 _MOST_LEFT_OUT = 1e-3
-# The least share by which the frame must shrink along an axis, for cells to be left out. So the end of an object stays
-# in frame.
+# Framing leaves cells out only if the box around the other cells is shorter along an axis by at least this share. So
+# the end of an object stays in the picture.
 _LEAST_GAIN = 0.05
-# The opacity below which a cell is faint, as a share of the opacity at _OPAQUE_PERCENTILE.
+# A cell is faint if its opacity is less than this share of the opacity at _OPAQUE_PERCENTILE.
 _FAINT = 0.02
 # The percentile of the opacities of visible cells that stands for the most opaque cells.
 _OPAQUE_PERCENTILE = 99.0
-# The finest level at which the pyramid always has all nodes.
+# The finest level at which a pyramid always has all nodes.
 _FINEST_LEVEL = 3
-# The most cells of a level whose opacities are looked up; if it has more, the next coarser level is taken. 448^3 voxels
-# have 175,616 cells of level 3, whose indices take 10 MB.
+# The opacities of cells are looked up at a level with at most this many cells; if a level has more, the next coarser
+# level is taken. 448^3 voxels have 175,616 cells of level 3, whose indices take 10 MB.
 _MOST_CELLS = 2**16
 
 
 class SeenCells(NamedTuple):
-    """The visible cells that decide the frame, bool [z, y, x], and the share of a picture that all others add."""
+    """The visible cells that decide how a volume is framed.
+
+    cells: which cells these are, bool [z, y, x].
+    left_out: the share of a picture that all other visible cells add.
+    """
 
     cells: Bools
     left_out: float
@@ -40,8 +44,8 @@ class SeenCells(NamedTuple):
 def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
     """Return which of the visible cells of level `Pyramid.occupied_level` decide how a volume is framed.
 
-    Here, a picture is the mean of three pictures of opacities, along the three axes. Each connected part of the volume
-    is kept or left out as a whole, and so are all faint cells together.
+    A picture stands here for the mean of three pictures of opacities, along the three axes. Each connected part of the
+    volume is kept or left out as a whole, and so are all faint cells together.
 
     occupied: the cells of `Pyramid.occupied` that are not clipped away.
     """
@@ -54,7 +58,7 @@ def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
     if not _may_gain(occupied, opacities, _MOST_LEFT_OUT * picture):
         return everything
     is_faint = occupied & (opacities < _FAINT * np.percentile(opacities[occupied], _OPAQUE_PERCENTILE))
-    parts = label_parts(grow(occupied & ~is_faint, 1))  # grown, as cells of thin objects may only touch at corners
+    parts = label_parts(grow(occupied & ~is_faint, 1))  # grown: cells of thin objects may only touch at corners
     parts[is_faint] = parts.size  # all faint cells are one part
     amounts = np.bincount(parts[occupied], opacities[occupied], parts.size + 1)
     order = np.flatnonzero(amounts)[np.argsort(amounts[amounts > 0], kind="stable")]
@@ -69,7 +73,8 @@ def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
 def _depths(pyramid: Pyramid, occupied: Bools) -> Float64:
     """Return the optical depth of each visible cell, float64 [z, y, x].
 
-    Depths are looked up at a level with few enough cells, and shared equally by the visible cells in each of them.
+    Depths are looked up at a coarser level with few enough nodes. The depth of a node is divided equally among the
+    visible cells in it. occupied: the visible cells, bool [z, y, x].
     """
     level = _level_of_opacities(pyramid)
     nodes, cells = descendants(pyramid, *root_cells(pyramid), pyramid.num_levels, level)
@@ -96,7 +101,10 @@ def _level_of_opacities(pyramid: Pyramid) -> int:
 
 
 def _may_gain(occupied: Bools, opacities: Float64, most: float) -> bool:
-    """Return whether the frame may shrink if cells that together add less than `most` to a picture are left out."""
+    """Return whether the box around cells may shrink by _LEAST_GAIN if cells are left out that add less than `most`.
+
+    occupied: the visible cells. opacities: the opacity of each cell, [z, y, x]. most: a sum of opacities.
+    """
     for axis in range(3):
         others = tuple(each for each in range(3) if each != axis)
         sums, is_there = opacities.sum(axis=others), np.flatnonzero(occupied.any(axis=others))
@@ -109,7 +117,10 @@ def _may_gain(occupied: Bools, opacities: Float64, most: float) -> bool:
 
 
 def _gains(before: Bools, after: Bools) -> bool:
-    """Return whether the box around cells has become smaller along an axis by the share _LEAST_GAIN or more."""
+    """Return whether the box around the cells `after` is shorter along an axis than the box around the cells `before`.
+
+    It must be shorter by at least the share _LEAST_GAIN.
+    """
     for axis in range(3):
         others = tuple(each for each in range(3) if each != axis)
         was, now = (np.flatnonzero(cells.any(axis=others)) for cells in (before, after))

@@ -15,22 +15,23 @@ from renderer.view.depth_order import box_order, order_by_depth
 from renderer.view.order_blending import OrderBlending, sort_directions
 from renderer.volume import Float64, UInt32
 
-# The largest slope x / depth at which a footprint is projected, as a multiple of the slope at the image's edge: the
-# affine approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
+# The footprint of a splat with a larger slope x / depth is projected as at this slope, a multiple of the slope at the
+# image's edge: the affine approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats
+# beside the eye.
 SLOPE_LIMIT = 1.3
 
-# The distance of a splat's centre beyond the near plane, in standard deviations, below which the plane clips the splat.
+# The near plane clips a splat whose centre is less than this beyond the plane, in standard deviations of the splat.
 CLIPPED_SIGMAS = 5.0
-# The distance of a splat's centre before the near plane, on the eye's side, in standard deviations, from which on the
-# plane removes the whole splat.
+# The near plane removes the whole of a splat whose centre is at least this far on the eye's side of the plane, in
+# standard deviations of the splat.
 CULLED_SIGMAS = 4.0
 
-# The number of splats in the sample from which means over all footprints are estimated, within a few per cent.
+# Means over the footprints of all splats are estimated, within a few per cent, from a sample of about this many splats.
 FOOTPRINT_SAMPLE = 4096
 
 
 class Model(Protocol):
-    """A frame of model units: its origin in the world, float64 [3], and the world length of a unit."""
+    """A coordinate system of a model: its origin in the world, float64 [3], and the world length of its unit."""
 
     @property
     def origin(self) -> Float64: ...
@@ -39,7 +40,7 @@ class Model(Protocol):
 
 
 def model_view(model: Model, view: View) -> ModelView:
-    """Return the view in the units of a model. The translation is computed in float64."""
+    """Return the view in the units of a model, from the model's origin. The translation is computed in float64."""
     translation = view.view_from_world(model.origin) / model.model_unit
     perspective = view.projection == "perspective"
     scale_px = view.scale_px if perspective else view.scale_px * model.model_unit
@@ -63,12 +64,12 @@ class Region(NamedTuple):
 
     @property
     def num_pixels(self) -> int:
-        """Return the number of pixels."""
+        """Return the number of pixels in the rectangle."""
         return self.width * self.height
 
 
 def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
-    """Return a rectangle of the image that holds all footprints of the batch.
+    """Return a rectangle of the image that holds all footprints of a batch of splats.
 
     All splats have their centres in a ball about the model's origin, which is at (x0, z0) in view space, and at depths
     of `nearest` or more. On the image, a centre at (x, z) is at most
@@ -97,10 +98,11 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
 
 
 def mean_footprint_area_px(batch: SplatBatch, order: UInt32, camera: ModelView, region: Region) -> float:
-    """Estimate the mean number of the region's pixels under a footprint of `batch[order]`; neither may be empty.
+    """Estimate how many pixels of a region a footprint covers, on average.
 
-    The estimate is made from a sample of the splats. Each counts as an ellipse with the two longest of its axes, as it
-    would appear at the image's centre, at its own depth or at the near plane if that is farther.
+    order: the indices of the splats in the batch; at least one. region: a rectangle that is not empty. The estimate is
+    made from a sample of the splats. Each splat counts as an ellipse with the two longest of its axes, as it would
+    appear at the image's centre, at its own depth or at the near plane if that is farther.
     """
     vertices = batch.vertices[order[:: max(1, len(order) // FOOTPRINT_SAMPLE)]]
     axes = np.linalg.svd(batch.axes, compute_uv=False)[vertices[:, 7].astype(np.int64), :2]
@@ -111,10 +113,11 @@ def mean_footprint_area_px(batch: SplatBatch, order: UInt32, camera: ModelView, 
 
 
 def total_square_area_px(batch: SplatBatch, order: UInt32, camera: ModelView) -> float:
-    """Estimate the total number of the image's pixels in the squares around the footprints of `batch[order]`.
+    """Estimate how many pixels of the image lie in the squares around footprints, in the sum over all splats.
 
-    A rasteriser has to test these pixels. The estimate is made from all of the coarsest cells, which are the first of a
-    batch, and from a sample of all finer cells. A splat counts as a ball with its longest axis as radius.
+    A rasteriser has to test these pixels. order: the indices of the splats in the batch. The estimate is made from all
+    splats of the coarsest cells, which are the first of a batch, and from a sample of the splats of finer cells. A
+    splat counts as a ball with its longest axis as radius.
     """
     is_coarse = order < FOOTPRINT_SAMPLE
     others = order[~is_coarse]
@@ -127,7 +130,10 @@ def total_square_area_px(batch: SplatBatch, order: UInt32, camera: ModelView) ->
 
 
 def _square_areas_px(batch: SplatBatch, splats: UInt32, camera: ModelView) -> Float64:
-    """Return the number of pixels in the square around each splat: float64 [n]. splats: indices into the batch."""
+    """Return the number of the image's pixels in the square around each footprint, float64 [n].
+
+    splats: the indices of the splats in the batch, [n].
+    """
     vertices = batch.vertices[splats]
     in_view = vertices[:, :3] @ camera.view_from_model[:, :3].T + camera.view_from_model[:, 3]
     scale_px = _scale_px(camera, -in_view[:, 2])
@@ -139,22 +145,25 @@ def _square_areas_px(batch: SplatBatch, splats: UInt32, camera: ModelView) -> Fl
 
 
 def _scale_px(camera: ModelView, depths: Float64) -> Float64 | float:
-    """Return the number of pixels per model unit at depths, or at the near plane if that is farther: float64 [n, 1]."""
+    """Return how many pixels a model unit has at each depth, or at the near plane if that is farther, float64 [n, 1].
+
+    In orthographic projection, one number holds for all depths.
+    """
     if not camera.perspective:
         return camera.scale_px
     return np.asarray(camera.scale_px / np.maximum(depths, max(camera.near, 1e-6)))[:, None]
 
 
 def longest_sigma(batch: SplatBatch) -> Float64:
-    """Return the largest standard deviation of each shape in any direction, in model units: float64 [num_shapes]."""
+    """Return the largest standard deviation of each shape of a batch's splats, in model units, float64 [num_shapes]."""
     return np.asarray(np.linalg.norm(batch.axes, ord=2, axis=(1, 2)), np.float64)
 
 
 def visible_order(batch: SplatBatch, view: View, *, cells: Cut | None = None, along: Float64 | None = None) -> UInt32:
-    """Return the splats that can touch the image, back to front: uint32 [k].
+    """Return the indices of the splats that can touch the image, back to front, uint32 [k].
 
-    cells: the splats' cells, by which they are sorted as boxes; None to sort them by depth. along: float64 [3], the
-        world direction along which depths are measured; None for the view's direction.
+    cells: the cells of the splats, which are then sorted as boxes; None to sort splats by depth. along: the world
+        direction along which depths are measured, float64 [3]; None for the view's direction.
     """
     depths, is_visible = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
     kernels().cull_splats(
@@ -171,7 +180,7 @@ def visible_order(batch: SplatBatch, view: View, *, cells: Cut | None = None, al
 
 
 def blended_orders(batch: SplatBatch, view: View, blending: OrderBlending) -> list[tuple[float, UInt32]]:
-    """Return the orders by depth that are blended for a view, with their weights."""
+    """Return the draw orders that are blended for a view: the weight of each, and the indices of splats, uint32 [k]."""
     return [
         (weight, visible_order(batch, view, along=direction))
         for weight, direction in sort_directions(blending, view.forward)

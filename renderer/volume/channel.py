@@ -1,4 +1,4 @@
-"""Define a component of a file that has several, as the file describes it."""
+"""Define the description of one of several components of a file, such as a channel of a microscope."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 class Channel:
     """A description of one component of a file. Every field may be unknown.
 
-    name: the component's name, printable. color: in [0, 1]. window: the values that are shown as black and as full
-        colour.
+    name: the component's name, printable. color: red, green and blue in [0, 1]. window: the values that are shown as
+        black and as full colour.
     is_light: whether the component is light of its own, such as a fluorescence, and not a part of a colour or of a
         vector; None only before a Volume is made.
     """

@@ -1,4 +1,4 @@
-"""Find the connected parts of a grid of cells, and grow them."""
+"""Find the connected parts of a set of cells in a grid, and grow such a set."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from renderer.volume.arrays import Bools, Int64
 
 
 def label_parts(cells: Bools) -> Int64:
-    """Return the number of the part of each cell: int64 [z, y, x]. Parts are connected along the axes.
+    """Return the number of the connected part that each cell belongs to, int64 [z, y, x]; -1 for cells in no part.
 
-    The number of a part is the lowest flat index of its cells. It is -1 outside of all parts. cells: [z, y, x].
+    Neighbours along an axis are connected. The number of a part is the lowest flat index of its cells. cells: which
+    cells belong to parts, [z, y, x].
     """
     places = np.arange(cells.size).reshape(cells.shape)
     begins = cells.copy()
@@ -32,7 +33,10 @@ def label_parts(cells: Bools) -> Int64:
 
 
 def grow(cells: Bools, distance: int) -> Bools:
-    """Return the cells with all cells that are within a distance along each axis: bool [z, y, x]."""
+    """Return a set of cells with all cells that lie within `distance` cells of it along each axis: bool [z, y, x].
+
+    cells: which cells belong to the set, [z, y, x].
+    """
     grown = np.pad(cells, distance)
     for axis in range(3):
         grown = np.asarray(np.lib.stride_tricks.sliding_window_view(grown, 2 * distance + 1, axis).any(axis=-1))

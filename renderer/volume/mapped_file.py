@@ -18,7 +18,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.volume.arrays import Array
 
-# The bytes that a pass over a whole volume reads at a time, in whole planes.
+# The number of bytes that a pass over a whole volume reads at a time; whole planes are read.
 _SLAB_BYTES = 16 << 20
 
 # The hint of errors about changed files.

@@ -7,7 +7,7 @@ import numpy as np
 from renderer.kernels import MaskGrid, kernels
 from renderer.volume.arrays import Bools, Float64, Int64, UInt8, reduce_blocks
 
-# The number of voxels along each side of the blocks in which a mask is searched.
+# The number of voxels along each side of a block. Boxes are compared with whole blocks of a mask.
 _BLOCK = 8
 
 
@@ -26,7 +26,10 @@ def make_mask_grid(voxels: UInt8, mask_from_world: Float64, world_from_index: Fl
 
 
 def shown_voxels(grid: MaskGrid, shape: tuple[int, ...]) -> UInt8:
-    """Return which voxels of another volume have their centres in a mask: uint8 [z, y, x]. shape: its shape."""
+    """Return which voxels of another volume have their centres in a mask: uint8 [z, y, x].
+
+    shape: the shape of that volume.
+    """
     out = np.empty(shape, np.uint8)
     kernels().mark_voxels(mask=grid, out=out)
     return out
@@ -35,8 +38,9 @@ def shown_voxels(grid: MaskGrid, shape: tuple[int, ...]) -> UInt8:
 def meet_mask(voxels: UInt8, from_index: Float64, lows: Float64, highs: Float64) -> tuple[Bools, Bools]:
     """Return which boxes may meet a mask, and which are certainly inside of it: bool [n] each.
 
-    voxels: the voxels of the mask. from_index: as in MaskGrid. lows, highs: float64 [n, 3], the lowest and highest
-        corners (x, y, z) of boxes.
+    voxels: the voxels of the mask. from_index: float64 [3, 4], the affine to voxel indices of the mask from those of
+        the volume in which the boxes lie. lows, highs: float64 [n, 3], the lowest and highest corners (x, y, z) of the
+        boxes.
     """
     middles, halves = (lows + highs) / 2, (highs - lows) / 2
     middles = middles @ from_index[:, :3].T + from_index[:, 3]

@@ -21,7 +21,7 @@ from renderer.volume.mapped_file import MappedFile
 def guard_mapping(file: MappedFile, values: Array) -> None:
     """Let `values` be read as zeros wherever their file has become shorter, for as long as they live.
 
-    It does nothing on systems without a handler for the signal. values: an array with any strides.
+    It does nothing on systems without a handler for the signal. values: the mapped array, with any strides.
     """
     regions = guarded_regions()
     free = np.flatnonzero(regions[:, 1] == 0)

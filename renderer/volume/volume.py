@@ -26,7 +26,7 @@ class Volume:
         absent voxels.
     world_from_index: float64 [4, 4], the affine from voxel indices (x, y, z) to the world. Voxel centres sit at integer
         indices, and the volume covers [-1/2, n - 1/2] per axis.
-    name: its name in messages.
+    name: the name of the volume in messages.
     fingerprint: the hexadecimal digest of voxels, dtype, shape and affine, which is equal for equal volumes from
         different files.
     source: the file from which the values are mapped; None for values in memory. Call `require_unchanged` before
@@ -34,10 +34,11 @@ class Volume:
     num_absent: the number of absent voxels.
     file_spacing: the spacing in the file, if the scene gives another; else None.
     note: a remark for the user on how the volume was read.
-    has_lengths: whether its file, or the scene, gives the lengths of a voxel.
-    channels: all components of its file; empty for a file with one component.
+    has_lengths: whether the volume's file, or the scene, gives the lengths of a voxel.
+    channels: the descriptions of all components of the volume's file; empty for a file with one component.
     is_labels: whether the values are numbers of labels, 0 for none, between which nothing is interpolated.
-    mask: a volume of labels on a grid of its own; the volume is shown only where its number is 1. None to show all.
+    mask: a volume of the labels 0 and 1 on a grid of its own; this volume is shown only where the mask is 1. None to
+        show all.
     labels: the labels that the file describes, by value.
     num_times: the number of steps in time of the series. The volume is one of the steps, or lies between two of them.
     times: the time of each step, ascending, if the file gives it. time_unit: `s`, or empty if it is unknown.

@@ -1,7 +1,7 @@
 """Read and write golden.json: the frames in a folder of goldens, and their origin.
 
-The file has no times, so equal goldens give equal bytes. Others may have edited it: all texts must be safe to print,
-and file names must stay in the folder.
+The file has no times, so equal goldens give equal bytes. The file may have been edited by hand: its texts are accepted
+only if they are safe to print, and its file names only if they stay in the folder.
 """
 
 from __future__ import annotations
@@ -18,16 +18,19 @@ from renderer.scene import format_value, schema, short_text
 
 PROVENANCE_FILE = "golden.json"
 
-# The parts of an origin, the most important first.
+# The fields of a GoldenOrigin that are compared, the most important first: messages name changes in this order.
 _PARTS = ("volume", "device", "scene", "versions")
 
-# The names of `golden_file_name`.
+# Matches the file names that `golden_file_name` returns. Its group is the number of the frame.
 GOLDEN_FILE = re.compile(r"frame-([0-9]{4,9})\.png")
 
 
 @dataclass(frozen=True)
 class Golden:
-    """A golden frame. digest: of its file, from `renderer.film.file_digest`. date: given by the user."""
+    """A golden frame: a picture with which later pictures of the frame are compared.
+
+    digest: the digest of the picture's file, from `renderer.film.file_digest`. date: the text of `--date`, if any.
+    """
 
     frame: Annotated[int, types.FRAME]
     file: Annotated[str, types.LINE]
@@ -37,7 +40,7 @@ class Golden:
 
 @dataclass(frozen=True)
 class GoldenVolume:
-    """The volume that goldens show. fingerprint: of its voxels."""
+    """The volume that the goldens of a folder show. fingerprint: the digest of its voxels."""
 
     name: Annotated[str, types.LINE]
     fingerprint: Annotated[str, types.DIGEST]
@@ -49,7 +52,8 @@ class GoldenVolume:
 class GoldenOrigin:
     """The origin of goldens: the inputs that they were rendered from, and the programs that rendered them.
 
-    scene: without the places of files.
+    device: the device that drew the frames. scene: the scene as data, without the paths of files. versions: the
+    versions of the programs, by name.
     """
 
     volume: GoldenVolume
@@ -58,9 +62,9 @@ class GoldenOrigin:
     versions: Annotated[Mapping[str, str], types.LINES]
 
     def changes(self, now: GoldenOrigin, *parts: str) -> str:
-        """Return the first few changes of another origin, or of some parts of it: `scene.error.tolerance was 0.1`.
+        """Return the first few changes from this origin to `now` as text: `scene.error.tolerance was 0.1`.
 
-        The name of the volume is ignored.
+        parts: the fields that are compared, by default all of them. The name of the volume is ignored.
         """
         return describe_differences(self._compared(parts or _PARTS), now._compared(parts or _PARTS))
 
@@ -85,7 +89,7 @@ _FRAMES = types.frames(
 
 @dataclass(frozen=True)
 class Provenance(GoldenOrigin):
-    """The content of golden.json: the goldens of a folder, ascending, and their origin."""
+    """The content of golden.json: the goldens of a folder, in ascending order of frames, and their common origin."""
 
     frames: Annotated[tuple[Golden, ...], _FRAMES]
 
@@ -93,7 +97,7 @@ class Provenance(GoldenOrigin):
 PROVENANCE = RecordFile(
     schema.dataclass_field(Provenance),
     noun=f"a {PROVENANCE_FILE}",
-    max_bytes=2**27,  # of a million goldens, about 120 bytes each
+    max_bytes=2**27,  # enough for a million goldens of about 120 bytes each
     format_line="hsplat golden 2",
     hint="`hsplat golden SCENE FOLDER` writes it; give it a folder without one",
     lined="frames",
@@ -101,14 +105,15 @@ PROVENANCE = RecordFile(
 
 
 def golden_file_name(frame: int, num_frames: int) -> str:
-    """Return `frame-0007.png`, with enough digits to sort the files of the whole path by name."""
+    """Return a golden's file name, such as `frame-0007.png`, with enough digits to sort all frames' files by name."""
     return f"frame-{frame:0{max(4, len(str(num_frames - 1)))}}.png"
 
 
 def origin_from_record(record: FilmRecord) -> GoldenOrigin:
     """Return the origin of frames from the record of the film that they belong to.
 
-    It leaves out where the volume lies, and the name, rate and quality of a film: goldens are PNG files.
+    The origin leaves out the volume's path, and the film's name, frame rate and quality: they do not change goldens,
+    which are PNG files.
     """
     assert record.fingerprint is not None, "a single pass has drawn them"
     depends_on, volume = record.fingerprint.depends_on, record.volume
@@ -134,7 +139,7 @@ def _without(mapping: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 def parse_date(text: str | None) -> str | None:
-    """Check the value of `--date`, any text of one line. Raises InputError."""
+    """Return the value of `--date`, which may be any text of one line. Raises InputError for other texts."""
     if text is not None and not types.is_line(text):
         expected = f"{types.LINE_TEXT}, such as 2026-11-21"
         raise InputError("not a date that can be recorded", where="--date", got=format_value(text), expected=expected)

@@ -1,8 +1,8 @@
 """Write goldens: the first ones, or new ones after the user has seen the changes.
 
 All files change together at the end, in an order that survives a kill at any moment: removed goldens first, then
-golden.json, then the new goldens. After a kill golden.json may list a missing or outdated golden, which the next update
-repairs, but it never misses one, which no update would touch.
+golden.json, then the new goldens. After a kill golden.json may list a golden that is missing or outdated, which the
+next update repairs. It never lacks a golden that is in the folder: no update would touch an unlisted file.
 """
 
 from __future__ import annotations
@@ -36,18 +36,22 @@ from renderer.scene import counted, first_few
 from renderer.system import deferrable_interrupts
 
 _STAGING_FOLDER = "golden.unfinished"
-# Metrics that need only numpy. No change is allowed.
+# The metrics that show how much a golden changes, all of which need only numpy. Their limits of 0 report every change.
 _LIMITS = {"largest": 0.0, "densest": 0.0, "p99": 0.0, "bias": 0.0}
+# Largest number of changed goldens that the terminal lists.
 _MAX_LINES = 20
+# Largest number of file names that one message lists.
 _MAX_NAMES = 5
 
 
 @dataclass(frozen=True)
 class GoldenOptions:
-    """A choice of the options of `hsplat golden`.
+    """The values of the options of `hsplat golden`.
 
-    frames: None for the frames that are golden already, or for all frames at first.
-    date: of changed pictures; the others keep their dates. prune: removes goldens of other frames.
+    folder: the folder of the goldens. frames: the numbers of the requested frames; None for the frames that have
+    goldens, or for all frames if there are no goldens. date: the date of goldens whose pictures change; unchanged
+    goldens keep their dates. update: existing goldens may change. prune: goldens of frames that are not requested are
+    removed. yes: existing goldens change without a question.
     """
 
     folder: Path
@@ -59,10 +63,10 @@ class GoldenOptions:
 
 
 def update_goldens(job: FilmJob, options: GoldenOptions, reporter: Reporter, ask: Callable[[], bool]) -> None:
-    """Render the frames and keep them; existing goldens change only if `ask` returns True.
+    """Render the frames and keep them as goldens; existing goldens change only if `yes` is set or `ask` returns True.
 
-    Raises InputError if goldens exist and no update is requested, if inputs or other files have their names, or if
-    goldens of another scene would stay; the errors of rendering and writing; and click's Exit with 1 if the user
+    Raises InputError if goldens exist and no update is requested, if a golden would overwrite an input or another file,
+    or if goldens of another scene would stay; the errors of rendering and writing; and click's Exit with 1 if the user
     declines.
     """
     folder = options.folder
@@ -117,7 +121,7 @@ def _apply(plan: GoldenUpdate, folder: Path) -> None:
 
 
 def _require_free(folder: Path, new_names: Iterable[str]) -> None:
-    """Raise InputError if a new golden would overwrite a file."""
+    """Raise InputError if a new golden would overwrite a file that golden.json does not list."""
     foreign = [name for name in new_names if os.path.lexists(folder / name)]
     if foreign:
         raise InputError(
@@ -133,11 +137,12 @@ def _require_free(folder: Path, new_names: Iterable[str]) -> None:
 
 @dataclass(frozen=True)
 class GoldenUpdate:
-    """An update of a folder.
+    """The plan of an update of a folder of goldens.
 
-    before, after: content of golden.json; no `before` for the first goldens. changes: goldens to write, worst first.
-    sources: their pictures, by the name of the golden. removed: goldens to remove. unrequested: goldens that are kept
-    although their frames are not requested.
+    before, after: the content of golden.json before and after the update; `before` is None for the first goldens.
+    changes: the goldens that are written, the largest change first. sources: the rendered picture of each golden that
+    is written, by the golden's file name. removed: goldens that leave golden.json, with their files. unrequested:
+    goldens that are kept although their frames are not requested.
     """
 
     before: Provenance | None
@@ -149,7 +154,10 @@ class GoldenUpdate:
 
     @property
     def changes_anything(self) -> bool:
-        """Return whether anything is written. A new date, version or driver alone is not: the pictures keep theirs."""
+        """Return whether the update writes or removes any file.
+
+        A new date, version or driver alone is not written: unchanged goldens keep the recorded ones.
+        """
         is_listed = self.before is not None and self.before.frames == self.after.frames
         return not is_listed or bool(self.changes or self._scene_changes)
 
@@ -165,7 +173,7 @@ class GoldenUpdate:
 
     @property
     def _scene_changes(self) -> str:
-        """Return the changes of the scene or the volume, in words."""
+        """Return how scene and volume changed since the goldens were rendered, in words; empty if they did not."""
         return "" if self.before is None else self.before.changes(self.after, "volume", "scene")
 
 
@@ -176,9 +184,10 @@ def plan_update(
     files: Mapping[int, Path],
     origin: GoldenOrigin,
 ) -> GoldenUpdate:
-    """Plan to give the folder the rendered frames.
+    """Return the plan that makes rendered frames the goldens of a folder.
 
-    names: of the goldens of all requested frames, by number. files: the rendered pictures. origin: of these pictures.
+    before: the content of golden.json; None for the first goldens. names: the file name of the golden of each requested
+    frame, by frame number. files: the rendered pictures, by frame number. origin: the origin of the rendered pictures.
     """
     listed = {golden.frame: golden for golden in before.frames} if before else {}
     changes: list[Outcome] = []
@@ -202,7 +211,7 @@ def plan_update(
 
 
 def _compare(path: Path, source: Path, *, is_new: bool) -> Outcome:
-    """Compare a rendered picture with the existing golden."""
+    """Compare the rendered picture `source` with the golden `path`, which may be new, missing or unreadable."""
     if is_new or not os.path.lexists(path):
         return Outcome(path.name, "extra", "is new" if is_new else "is missing")
     try:
@@ -213,7 +222,7 @@ def _compare(path: Path, source: Path, *, is_new: bool) -> Outcome:
 
 
 def describe_update(plan: GoldenUpdate) -> Iterator[str]:
-    """Return lines for the terminal: changes and their size, removed and kept goldens, and the probable cause."""
+    """Yield lines for the terminal: changes and their size, removed and kept goldens, and the probable cause."""
     kept = [f"not requested, and kept (--prune removes them): {_names(plan.unrequested)}"] * bool(plan.unrequested)
     if plan.before is None or not plan.changes_anything:
         yield from kept

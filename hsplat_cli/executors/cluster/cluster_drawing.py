@@ -32,25 +32,27 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Longest time without a finished frame before the client looks for workers.
+# Longest time without a finished frame before the client looks for workers, in seconds.
 _POLL_INTERVAL_S = 0.5
-# Time to fetch a picture before the client looks whether its worker is still there; doubled at each look.
+# Seconds to fetch a picture before the client looks whether its worker is still there; doubled at each look.
 _FETCH_TIMEOUT_S = 2.0
-# Most threads that wait for workers: more than a cluster has workers.
+# Largest number of threads that wait for workers: more than the number of workers of a cluster.
 _MAX_THREADS = 1000
-# Workers that may be lost at the same frame before the film fails.
+# Number of workers lost at the same frame at which the film fails.
 MAX_LOSSES = 3
-# Most frames for each worker that are under way, or are finished and wait for an earlier frame.
+# Largest number of frames, for each worker, that are under way, or are finished and wait for an earlier frame.
 _WINDOW_PER_WORKER = 4
-# Consecutive frames that one worker draws where something moves: they often share layers.
+# Number of consecutive frames that one worker draws where something moves: they often share layers.
 _RUN_IN_MOTION = 8
 
 
 class ClusterDrawing:
     """Draws the frames of a plan with the workers of a cluster, until it is closed.
 
-    where: the option that chose the cluster, for messages. memory: as in ExecutorSpec. `draw` raises RenderError where
-    workers are missing or cannot draw.
+    where: the option that chose the cluster, for messages. memory: bytes for the bricks of all processes of a machine;
+    None for half of its free memory.
+
+    `draw` raises RenderError where workers are missing or cannot draw.
     """
 
     def __init__(
@@ -61,7 +63,8 @@ class ClusterDrawing:
         self._threads = ThreadPoolExecutor(_MAX_THREADS, "hsplat-cluster")
         self._lock = threading.Lock()
         self._stage_data: Future | None = None
-        self._worker_versions: list[dict[str, str]] = []  # without repetitions
+        # The different versions of programs on workers that have drawn.
+        self._worker_versions: list[dict[str, str]] = []
         self._redrawn: list[int] = []
 
     @property
@@ -78,7 +81,7 @@ class ClusterDrawing:
         return [*notes, *self._registry.notes, *[redrawn] * bool(num)]
 
     def draw(self, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
-        """Yield these frames, in this order.
+        """Yield the frames with these numbers, in this order.
 
         Raises RenderError, or the error of a frame, once several workers have failed on a frame or were lost at it.
         """
@@ -136,7 +139,8 @@ class ClusterDrawing:
                 except (KeyError, OSError, TimeoutError):  # the worker is gone
                     self._registry.recheck(worker)
                     continue
-                share = MemoryShare(self._memory, self._registry.num_beside(worker) + 1)  # and this process
+                # One share more than workers: this process may need memory, too.
+                share = MemoryShare(self._memory, self._registry.num_beside(worker) + 1)
                 future = self._client.submit(draw_on_worker, stage_data, number, share, workers=[worker], pure=False)
                 is_done = threading.Event()
                 future.add_done_callback(lambda _, is_done=is_done: is_done.set())
@@ -146,7 +150,8 @@ class ClusterDrawing:
                 if not is_done.is_set() or isinstance(error, KilledWorker):
                     self._registry.recheck(worker)
                     return worker, None, None
-                # Excluded while it is still busy, so that no other frame goes to it. A lost context may come back.
+                # The worker is excluded while it is still busy, so that no other frame goes to it. A worker that lost
+                # its OpenGL context may draw again.
                 if error is not None and not isinstance(error, ContextLostError):
                     self._registry.exclude(worker, str(error))
                 return worker, future, error
@@ -178,10 +183,11 @@ class ClusterDrawing:
 def draw_ahead(
     runs: Sequence[T], draw: Callable[[T], R], threads: ThreadPoolExecutor, check: Callable[[], int], *, window: int
 ) -> Generator[R, None, None]:
-    """Draw runs of frames ahead in threads, and yield the results in order; may be closed early.
+    """Draw runs of frames ahead in threads, and yield the results in order; the generator may be closed early.
 
-    draw: draws a run. check: returns the number of workers; it is called before each run and after every interval
-    without a finished run, and an error that it raises ends the film. window: runs under way for each worker.
+    runs: runs of consecutive frames. draw: a function that draws a run. check: a function that returns the number of
+    workers; it is called before each run and after every interval without a finished run, and its errors end the film.
+    window: the number of runs that are under way for each worker.
     """
     waiting, drawing = iter(runs), deque[futures.Future[R]]()
     try:

@@ -17,14 +17,14 @@ from renderer.errors import InputError
 if TYPE_CHECKING:
     from distributed import Client
 
-# Time in which the scheduler must answer.
+# Seconds in which the scheduler must answer.
 _CONNECT_TIMEOUT_S = 6.0
 _START_HINT = "`dask scheduler` starts one, and says its address"
 _NOBODY = "nobody answers at this address"
 _NO_SCHEDULER = "the server at this address is not a Dask scheduler"
 _CERTIFICATES = "distributed.comm.tls.ca-file and distributed.comm.tls.client.cert, and .key if it is a file of its own"
 _TLS_HINT = "set DASK_DISTRIBUTED__COMM__TLS__CA_FILE and DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT (docs/security.md)"
-# Time in which a client must end by itself.
+# Seconds in which a client of Dask must close by itself.
 _CLOSE_TIMEOUT_S = 2.0
 
 
@@ -46,7 +46,7 @@ def connect(address: str) -> Iterator[Client]:
 
 @contextlib.contextmanager
 def _silent_libraries() -> Iterator[None]:
-    """Silence logs and warnings of libraries; errors and notes of hsplat report the problems that matter to users."""
+    """Silence logs and warnings of libraries: hsplat reports the problems that matter to users by errors and notes."""
     with warnings.catch_warnings(), contextlib.ExitStack() as stack:
         stack.callback(logging.disable, logging.root.manager.disable)
         logging.disable(logging.CRITICAL)
@@ -55,14 +55,14 @@ def _silent_libraries() -> Iterator[None]:
 
 
 def _require_scheduler(address: str) -> None:
-    """Raise InputError unless a scheduler answers; a Client would wait for a silent server without end."""
+    """Raise InputError unless a Dask scheduler answers; a Client would wait for a silent server without end."""
     from distributed.comm import CommClosedError
 
     fails = partial(InputError, where=f"--scheduler {address}", expected=ADDRESSES, hint=_START_HINT)
     settings = _connection_settings(address)
     try:
         kind = asyncio.run(asyncio.wait_for(_kind_of_server(address, settings), _CONNECT_TIMEOUT_S))
-    except CommClosedError as error:  # after TCP has connected
+    except CommClosedError as error:  # the server has closed the connection after TCP had connected
         if not address.startswith("tls://"):
             hint = f"{_START_HINT}; the address of a scheduler with TLS begins with tls://"
             raise fails("the server at this address hangs up", hint=hint) from error
@@ -78,9 +78,10 @@ def _require_scheduler(address: str) -> None:
 
 
 def _connection_settings(address: str) -> dict[str, object]:
-    """Return the arguments of connections by Dask's configuration.
+    """Return the arguments for connections, such as certificates, from Dask's configuration.
 
-    Raises InputError where its certificates cannot be read, are missing for TLS, or are required and not used.
+    Raises InputError where the configuration's certificates cannot be read, are missing for TLS, or are required and
+    not used.
     """
     from distributed import Security
 

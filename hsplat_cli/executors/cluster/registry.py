@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-# Time between two looks for workers.
+# Seconds between two looks for workers.
 _CHECK_INTERVAL_S = 1.0
-# Longest time without any worker before the film fails.
+# Longest time without any worker before the film fails, in seconds.
 _MAX_WAIT_S = 60.0
 _HINT = "`dask worker ADDRESS` starts one"
 
 
 class WorkerRegistry:
-    """Knows which workers of a cluster can draw.
+    """Keeps track of the workers of a cluster: which can draw, are busy, or are excluded.
 
     where: the option that chose the cluster, for messages. usable_workers: the addresses of the workers that can draw.
     """
@@ -38,7 +38,7 @@ class WorkerRegistry:
         self._client, self._reporter = client, reporter
         self._error = partial(RenderError, where=where)
         self._here = describe_worker()
-        self._excluded: dict[str, str] = {}  # the reasons, by address
+        self._excluded: dict[str, str] = {}  # the reason for each excluded worker, by its address
         self._missing_text, self._is_reported = "the cluster has no workers", False
         self._next_check = self._last_seen = time.monotonic()
         self.usable_workers: set[str] = set()
@@ -47,7 +47,7 @@ class WorkerRegistry:
         self._require_hsplat_in_scheduler()
 
     def num_beside(self, worker: str) -> int:
-        """Return how many workers the machine of a worker has, itself included."""
+        """Return the number of workers on the machine of this worker, which counts, too."""
         host, _, _ = worker.rpartition(":")
         return sum(each.rpartition(":")[0] == host for each in [*self.usable_workers])
 
@@ -69,14 +69,14 @@ class WorkerRegistry:
                 self._changed.notify()
 
     def close(self) -> None:
-        """Cancel everything that waits for a worker."""
+        """Make every thread that waits for a worker raise CancelledError."""
         with self._changed:
             self._is_closed = True
             self.usable_workers.clear()
             self._changed.notify_all()
 
     def exclude(self, worker: str, why: str) -> None:
-        """Do not use this worker again."""
+        """Do not use this worker again. why: the reason, for notes and messages."""
         self._excluded[worker] = why
         self.usable_workers.discard(worker)
 
@@ -86,7 +86,7 @@ class WorkerRegistry:
         self._next_check = time.monotonic()
 
     def update_workers(self) -> int:
-        """Update the workers if a look is due, and return the number of workers that can draw.
+        """Ask the scheduler for its workers if a look is due, and return the number of workers that can draw.
 
         Raises RenderError where no worker can draw, or there has been no worker for too long.
         """
@@ -123,14 +123,14 @@ class WorkerRegistry:
         return [f"workers that could not draw were not used: {excluded}"] if excluded else []
 
     def _check_new_workers(self, workers: set[str]) -> None:
-        # Run directly and not as a task: a worker that lacks the module of a task's function would end.
+        # The function runs directly and not as a task: a worker that lacks the module of a task's function would end.
         answers = self._ask(lambda: self._client.run(describe_worker, workers=sorted(workers), on_error="return"))
         for worker, answer in answers.items():
             if not isinstance(answer, dict):
                 # Dask sends some exceptions as text.
                 if isinstance(answer, ImportError) or re.search("ModuleNotFoundError|ImportError", str(answer)):
                     self._excluded[worker] = f"without hsplat ({answer})"
-                elif not isinstance(answer, OSError):  # which means that the worker is gone again
+                elif not isinstance(answer, OSError):  # an OSError means that the worker is gone again
                     self._excluded[worker] = str(answer)
             elif answer["hsplat"] != self._here["hsplat"]:
                 self._excluded[worker] = f"hsplat {answer['hsplat']}"
@@ -150,7 +150,7 @@ class WorkerRegistry:
             ) from error
 
     def _ask(self, question: Callable[[], T]) -> T:
-        """Return the scheduler's answer. Raises RenderError where it no longer answers."""
+        """Return the scheduler's answer to a call. Raises RenderError where the scheduler no longer answers."""
         try:
             return question()
         except OSError as error:  # Dask's own errors included
@@ -158,6 +158,6 @@ class WorkerRegistry:
 
 
 def _count_reasons(reasons: Iterable[str]) -> str:
-    """Return `2 x hsplat 0.1.0; 1 x without hsplat`, in one line."""
+    """Return the reasons with their numbers, in one line: `2 x hsplat 0.1.0; 1 x without hsplat`."""
     lines = (" ".join(why.split()) for why in reasons)
     return "; ".join(f"{num} x {why}" for why, num in sorted(Counter(lines).items()))

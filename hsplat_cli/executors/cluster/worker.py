@@ -1,6 +1,7 @@
 """Runs on the workers of a cluster: a worker gets the serialised stage once, and draws frame after frame.
 
-It needs no file of the client. The client and the scheduler import this module, too, because they name its functions.
+A worker needs no file of the client. The client and the scheduler import this module, too, because they name its
+functions.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from renderer.system import MemoryShare, package_versions, sources_digest
 class DrawnPictures(NamedTuple):
     """Holds the result of drawing a frame on a worker.
 
-    contents: the files of its pictures, by kind. record: the frame's record for the sidecar. versions: the versions of
-    the packages and of the device that drew it, by name.
+    contents: the content of the file of each picture, by the index of its kind. record: the frame's record for the
+    sidecar. versions: the versions of packages and the name of the device that drew the frame, by name.
     """
 
     contents: dict[int, bytes]
@@ -36,7 +37,7 @@ class DrawnPictures(NamedTuple):
 
 
 class SerializedStage:
-    """Holds the bytes of a stage, as `renderer.frame.transport` writes them, and on a worker also its rasterizer.
+    """Holds the bytes of a stage, as `serialize_stage` returns them; on a worker also the stage's rasterizer.
 
     Dask keeps a SerializedStage in each worker's memory for as long as the client needs it, even if the client is
     killed. Copies for other workers have only the bytes. One thread draws, because OpenGL's contexts belong to threads.
@@ -48,7 +49,8 @@ class SerializedStage:
         self._content = content
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="hsplat")  # starts with its first task
         self._rasterizers: list[Rasterizer] = []  # at most one
-        weakref.finalize(self, _close, self._thread, self._rasterizers).atexit = False  # threads have ended by then
+        # Not called when Python ends: threads have ended by then.
+        weakref.finalize(self, _close, self._thread, self._rasterizers).atexit = False
 
     def __reduce__(self) -> tuple[type[SerializedStage], tuple[npt.NDArray[np.uint8]]]:
         return SerializedStage, (self._content,)
@@ -59,7 +61,8 @@ class SerializedStage:
     def draw(self, number: int, num_threads: int, memory: MemoryShare) -> DrawnPictures:
         """Draw a frame, after the frames that other threads have requested.
 
-        num_threads: number of threads that draw, unless LP_NUM_THREADS is set. memory: as in `open_rasterizer`.
+        num_threads: number of threads that draw, unless the environment variable LP_NUM_THREADS is set. memory: this
+        process's share of the machine's memory for bricks.
         """
         return self._thread.submit(self._draw, number, num_threads, memory).result()
 
@@ -90,21 +93,21 @@ def _close(thread: ThreadPoolExecutor, rasterizers: list[Rasterizer]) -> None:
 
 
 def describe_worker() -> dict[str, str]:
-    """Return the versions of packages in this process, and as `sources` the digest of the drawing code.
+    """Return the versions of packages in this process, by name, and as `sources` the digest of the drawing code.
 
-    Checkouts with different sources may have the same version.
+    The digest is needed because checkouts with different sources may have the same version.
     """
     return package_versions() | {"sources": _sources_digest()}
 
 
-# Computed once, for the sources that this process has loaded: the checkout may change later.
+# Returns the digest of the drawing code. It is computed once, as the code is loaded: a checkout may change later.
 _sources_digest = functools.cache(sources_digest)
 
 
 def draw_on_worker(stage_data: SerializedStage, number: int, memory: MemoryShare) -> DrawnPictures:
     """Draw a frame in this worker.
 
-    memory: as in `open_rasterizer`, which is called for the first frame only.
+    memory: this process's share of the machine's memory for bricks; only the share at the first frame has an effect.
     """
     from distributed import get_worker
 

@@ -20,11 +20,11 @@ from renderer.scene import (
 )
 from renderer.system import join_lines
 
-# The most differences between two parts, and the most commands for missing frames, that an error shows.
+# The largest number of differences between two parts, or of commands for missing frames, that an error shows.
 _MAX_SHOWN = 4
 
 
-# Of one film
+# Whether parts belong to one film
 
 
 def film_problems(parts: Sequence[FinishedFilm]) -> Iterator[Problem]:
@@ -42,7 +42,7 @@ def film_problems(parts: Sequence[FinishedFilm]) -> Iterator[Problem]:
 
 
 def _film_identity(part: FinishedFilm) -> dict[str, object]:
-    """Return the data that the parts of a film share: the encoding, and all that pixels depend on but the machine."""
+    """Return the data that all parts of a film share: the encoding, and all that pixels depend on but the machine."""
     recorded = part.record.scene
     scene = without_sources(recorded)
     output = {key: value for key, value in first_output(recorded).items() if key != "file"}
@@ -55,11 +55,14 @@ def _film_identity(part: FinishedFilm) -> dict[str, object]:
     }
 
 
-# Complete
+# Whether parts have all frames of the film
 
 
 def pick_frames(parts: Sequence[FinishedFilm], numbers: Iterable[int]) -> tuple[list[FrameFile], list[Problem]]:
-    """Return these frames, each from the first part that has it, and the problems of missing and differing frames."""
+    """Return these frames, each from the first part that has it, and problems.
+
+    There is a problem for frames that no part has, and for each frame that differs between two parts.
+    """
     found: dict[int, list[FrameFile]] = {}
     for part in parts:
         for record in part.record.frames:

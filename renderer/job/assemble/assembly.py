@@ -32,14 +32,15 @@ def assemble_film(
     """Make the film of these frames and its sidecar, or return the film that is up to date.
 
     resumes: whether a film that is up to date is kept.
-    Raises SceneError with all problems of the parts, and as `make_film` for outputs; then no film is written.
+    Raises SceneError with all problems of the parts; OutputLockedError, InputError or RenderError if the output is
+    locked or cannot be written. Then no film is written.
     """
     start = time.perf_counter()
     sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_path_frames)
     # A film that was assembled into the folder of its parts is no part.
     parts = [part for part in parts if not is_same_file(part.path, sidecar)] or parts
     film_files(output, numbers, sidecar).require_harmless(_input_files(parts))
-    # Before the frames are looked at: the size and the frames of another film say nothing about this one.
+    # This comes before the frames are checked, as missing frames of another film mean nothing.
     raise_problems(film_problems(parts))
     picked, problems = pick_frames(parts, numbers)
     with open_output(output, numbers, sidecar, resumes=resumes) as film:
@@ -68,7 +69,7 @@ def _film_up_to_date(
 ) -> FinishedFilm | None:
     """Return the existing film if it has the recorded pictures of the parts; else None.
 
-    The fingerprint alone does not tell: on a time budget a part has other pictures each time it is drawn.
+    The fingerprint alone does not show this: on a budget of seconds, a part has other pictures each time it is drawn.
     """
     existing = find_finished_film(film.sidecar, events.note)
     if existing is None or not existing.is_up_to_date(fingerprint, film.spec, film.frames):

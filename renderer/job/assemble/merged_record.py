@@ -34,9 +34,10 @@ from renderer.system import package_versions, sources_digest
 
 
 def merged_record(picked: Sequence[FrameFile], output: OutputSpec, seconds: float) -> FilmRecord:
-    """Return the record of the film, from which `hsplat render` makes it again.
+    """Return the record of a film that is assembled of these frames. From it, `hsplat render` makes the film again.
 
-    seconds: the time of assembling. The seconds of the parts are summed, even if they were drawn at the same time.
+    seconds: the time of assembling. In the record, the seconds of the parts are summed, even if the parts were drawn at
+    the same time.
     """
     parts = parts_of(picked)
     first, frames = parts[0].record, [frame.record for frame in picked]
@@ -78,7 +79,7 @@ def parts_of(picked: Sequence[FrameFile]) -> list[FinishedFilm]:
 
 
 def _part_notes(picked: Sequence[FrameFile]) -> list[str]:
-    """Return the notes for the user: on the film, and then the notes of its parts."""
+    """Return the notes for the user on the film of these frames: first on the film, then the notes of its parts."""
     parts = parts_of(picked)
     first = _tools(parts[0])
     different = [f"{name} {value}" for name, value in _joined_tools(parts).items() if value != first.get(name)]
@@ -98,9 +99,9 @@ def _part_notes(picked: Sequence[FrameFile]) -> list[str]:
 def parts_fingerprint(picked: Sequence[FrameFile], output: OutputSpec) -> FilmFingerprint | None:
     """Return the fingerprint of the film as one job would draw it; None if no single job would draw this film.
 
-    All parts must have the same fingerprint. If the goal was one for all frames together, all frames of each part must
-    be taken, since only together they meet it. A film that is encoded by other versions than those that drew its frames
-    has a fingerprint of its own.
+    All parts must have the same fingerprint. If the goal is for all frames of a film together, all frames of each part
+    must be taken, since only together they meet the goal. A film that is encoded by other versions of packages than
+    those that drew its frames has a fingerprint of its own.
     """
     parts = parts_of(picked)
     first, *others = (part.record.fingerprint for part in parts)

@@ -22,14 +22,14 @@ from renderer.scene import (
     schema,
 )
 
-# The inputs that are parts, as an error states them.
+# The inputs in which parts of a film are found, in the words of an error.
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
 
 def find_parts(names: Sequence[str]) -> list[FinishedFilm]:
-    """Return the parts in these folders, sidecars and globs, each once, sorted by their first frame.
+    """Return the parts in these folders, sidecars and glob patterns, each once, sorted by their first frame.
 
-    Raises SceneError with the problems of all of them.
+    Raises SceneError with the problems of all parts.
     """
     parts: dict[Path, FinishedFilm] = {}
     problems: list[Problem] = []
@@ -107,7 +107,7 @@ def _scene_problems(record: FilmRecord) -> list[Problem]:
 
 
 def _known(table: schema.FieldTable) -> schema.FieldType[Any]:
-    """Return the type of a mapping that has the keys of a table, and perhaps others."""
+    """Return the type of a mapping that has all keys of a table. Its other keys are ignored."""
 
     def parse(node: schema.TreeNode) -> Any:
         if isinstance(node.value, Mapping):
