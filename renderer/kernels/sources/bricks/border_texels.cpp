@@ -7,8 +7,11 @@ namespace {
 // The number of texels from one texel to the next along x, y, z.
 constexpr int64_t STRIDES[3] = {1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE};
 
+// A brick at the volume's border, whose texels are changed in place.
 struct Border {
-    Array<float, 2> texels;  // the texels of a brick, [18^3, 4]
+    // [18^3, 4]: the texels of the brick.
+    Array<float, 2> texels;
+    // The largest ratio of a colour to its optical depth, to which extrapolated colours are clamped.
     double brightest;
 
     // Write to the texel `at` a value extrapolated `distance` cells beyond the middle of `last`, along the line through

@@ -52,8 +52,10 @@ inline void clear_beyond_border(const Voxels& voxels, const Array<const int32_t,
                 if (is_beyond(2, z) || is_beyond(1, y) || is_beyond(0, x)) field(z, y, x) = 0;
 }
 
+// A range of scalars, from `low` to `high`; empty if `low` is above `high`.
 struct Range {
-    double low, high;
+    double low;
+    double high;
 };
 
 // Return the smallest and the largest number of a field; infinity and minus infinity if all numbers are NaN.

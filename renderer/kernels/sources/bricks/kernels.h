@@ -25,14 +25,15 @@ struct MeasureVoxelBricks {
     TransferTable curve;
     // [z, y, x]: 0 for voxels that a mask hides; None without a mask.
     Maybe<Array<const uint8_t, 3>> shown;
-    // Whether labels are lit; light makes their ends visible.
+    // Whether labels are lit. Lit labels end at the volume's border, where others continue.
     bool are_lit;
-    // [n, 18, 18, 18, 4]: w of voxels that are colours; w is linear between voxels. Only J is measured then.
+    // [n, 18, 18, 18, 4]: the channels w of voxels that are colours, linear between voxels: of the measures, only J is
+    // then written. None to measure by the voxels' scalars.
     EACH_CALL Maybe<Array<const float, 5>> texels;
     // [z, y, x, 2, 3]: the visible bounds of the bricks, as in BrickLevel; the caller must zero the array.
     Array<float, 5> bounds;
-    // [3, z, y, x]: the largest D or J, and the root mean squares of D / width^2 and of J; the caller must zero the
-    // array.
+    // [3, z, y, x]: for each brick, the largest D or J, and the root mean squares of D / width^2 and of J, which
+    // subvoxel.cpp defines; the caller must zero the array.
     Array<double, 4> measures;
 };
 LONG_KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
@@ -57,10 +58,17 @@ struct AddNodes {
     Array<const double, 1> errors;
     // [n]: whether each node is visible.
     Array<const bool, 1> is_visible;
-    // The statistics of bricks, as in NodeStatistics, and so are the next three members.
+    // [z, y, x, 3, 3, 3]: the largest error of each brick's nodes in the halo of each neighbour, as in NodeStatistics.
+    // The array is updated.
     Array<double, 6> max_error_by_neighbour;
+    // [z, y, x, 3, 3, 3, 2, 3]: the bounds of each brick's visible nodes in the halo of each neighbour, as in
+    // NodeStatistics. The array is updated.
     Array<uint8_t, 8> bounds_by_neighbour;
+    // [z, y, x]: the largest error of the nodes in each brick of the level below, as in NodeStatistics. The array is
+    // updated.
     Array<double, 3> max_error_below;
+    // [z, y, x]: the sum of squared errors of the nodes in each brick of the level below, as in NodeStatistics. The
+    // array is updated.
     Array<double, 3> squared_errors_below;
 };
 KERNEL(add_nodes, AddNodes)
@@ -72,12 +80,13 @@ struct FillScalarTexels {
     Array<const int32_t, 2> cells;
     // The scalar for which a texel is 0.
     double first;
-    // The width of the range of scalars, multiplied by `factor`, as `range_width` returns both.
+    // The width of the range of scalars, multiplied by `factor`, as `range_width` returns it.
     double width;
+    // The factor on scalars, 1 or 1/2, with which their differences do not overflow.
     double factor;
     // [3, 3]: the matrix from gradients along the index axes to world axes; its largest entry is 1.
     double world_from_gradient[9];
-    // A power of two. Multiplied by it, no difference of two scalars overflows.
+    // A power of two by which scalars are multiplied for gradients, so that no difference of two scalars overflows.
     double scale;
     // The direction (x, y, z), a unit vector, to which the normals of labels are turned a little; zeros to turn none.
     double toward_light[3];

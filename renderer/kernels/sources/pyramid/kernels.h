@@ -2,39 +2,40 @@
 #pragma once
 #include "transfer/kernels.h"
 
-// Room for the visible nodes of several groups: for each level, room for all groups; one level after the other.
+// Arrays for the visible nodes of several groups. A group is 64 nodes, their 8 parents, and one root (nodes.cpp).
 //
-// A level's visible nodes are at its beginning, in Morton order.
+// Arrays have room for all nodes of all groups: first the lowest level of every group, then the middle level, then the
+// roots. In the room of each level, its visible nodes come first, in Morton order.
 struct VisibleNodes {
     // [n, 4]: the means of the nodes' channels.
     Array<float, 2> means;
-    // [n]: the standard deviations of the nodes: the roots of their variances, summed over channels.
+    // [n]: the standard deviation of each node: the square root of the sum of its channels' variances.
     Array<float, 1> deviations;
-    // [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for the first level of
-    // blocks.
+    // [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for nodes of level 1, whose
+    // children are voxels.
     Array<uint8_t, 1> masks;
     // [n, 3]: the nodes (x, y, z); empty if not asked for.
     Array<int32_t, 2> cells;
     // [n]: the number of voxels of each node; empty if not asked for.
     Array<int64_t, 1> sizes;
-    // [3]: the number of visible nodes of each level.
+    // [3]: the number of visible nodes on each level of the groups.
     Array<int64_t, 1> counts;
-    // [groups, 4]: the means of each group's root, visible or not.
+    // [groups, 4]: the means of the channels of each group's root, visible or not.
     Array<float, 2> root_means;
     // [groups, channels]: the means of each group's root, in the channels that errors are measured on.
     Array<double, 2> root_error_means;
-    // [groups, channels]: the variances of the root node of each group of nodes, in the channels that errors are
-    // measured on.
+    // [groups, channels]: the variances of each group's root, in the channels that errors are measured on.
     Array<double, 2> root_variances;
 };
 
-// Build the nodes of blocks of 8^3 voxels.
+// Build the nodes of blocks of 8^3 voxels: levels 1 to 3 of the pyramid.
 struct BuildBlocks {
     // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
     // The classifier of the channels whose means are stored.
     Classifier classifier;
-    // The classifier of the channels that errors are measured on; None if these are the stored channels, or scalars.
+    // The classifier of the channels that errors are measured on; None if errors are measured on the stored channels or
+    // on scalars.
     Maybe<Classifier> error_classifier;
     // [2]: an offset and a scale of the scalars that errors are measured on; None if errors are measured on channels.
     Maybe<Array<const double, 1>> normalization;
@@ -42,6 +43,7 @@ struct BuildBlocks {
     double leaf_variance_limits[2];
     // [z, y, x]: the cells of `occupied_level` that hold a visible node. The array is updated.
     Array<bool, 3> occupied;
+    // The level of the cells of `occupied`, which are 2^level voxels wide.
     int64_t occupied_level;
     // [n, 3]: the first voxel of each block (x, y, z).
     EACH_CALL Array<const int64_t, 2> starts;
@@ -49,11 +51,12 @@ struct BuildBlocks {
     EACH_CALL Array<const int64_t, 2> extents;
     // [n]: whether each block may show something. Only these blocks have nodes.
     EACH_CALL Array<bool, 1> visible;
+    // The visible nodes of the blocks, which the kernel writes.
     VisibleNodes nodes;
 };
 LONG_KERNEL(build_blocks, BuildBlocks)
 
-// Merge the roots of groups into larger groups.
+// Merge the roots of groups into larger groups: two more levels of the pyramid.
 struct MergeTier {
     // [n, 4]: the means of the roots' channels.
     Array<const float, 2> means;
@@ -67,6 +70,7 @@ struct MergeTier {
     Array<const int64_t, 2> extents;
     // The width of a root, in voxels.
     int64_t side;
+    // The visible nodes of the larger groups, which the kernel writes.
     VisibleNodes nodes;
 };
 KERNEL(merge_tier, MergeTier)
@@ -75,6 +79,7 @@ KERNEL(merge_tier, MergeTier)
 struct AverageCells {
     // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
+    // The classifier of the channels that are averaged.
     Classifier classifier;
     // The level of the cells: 0, 1 or 2.
     int64_t level;
@@ -100,11 +105,11 @@ KERNEL(store_float16, StoreFloat16)
 struct ListChildren {
     // [n]: the nodes, as indices among the nodes of their level.
     Array<const int64_t, 1> nodes;
-    // [all]: the first child of each node of the level, as in Level (renderer/pyramid/pyramid.py); the masks are as
-    // there, too.
+    // [all]: the index of the first visible child of each node of the level, as in Level (renderer/pyramid/pyramid.py).
     Array<const int64_t, 1> first_children;
     // [n, 3]: the nodes (x, y, z).
     Array<const int32_t, 2> cells;
+    // [all]: the mask of visible children of each node of the level, as in Level (renderer/pyramid/pyramid.py).
     Array<const uint8_t, 1> masks;
     // [m]: the children, as indices among the nodes of the level below.
     Array<int64_t, 1> child_nodes;
@@ -117,8 +122,9 @@ KERNEL(list_children, ListChildren)
 struct FindVoxels {
     // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
+    // The classifier of the channels (tau c, tau), by which voxels are visible.
     Classifier classifier;
-    // [n, 3]: the cells (x, y, z).
+    // [n, 3]: the cells of level 1 (x, y, z).
     Array<const int32_t, 2> parents;
     // [n]: the number of visible voxels in each cell.
     Array<uint8_t, 1> counts;

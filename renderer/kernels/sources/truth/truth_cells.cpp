@@ -4,13 +4,20 @@
 namespace truth {
 namespace {
 
-// A value in place of an axis that asks for the value of the voxel itself, not for a difference.
+// In place of an axis, along which a difference is taken, this asks for the value of the voxel itself.
 constexpr int VALUE = -1;
 
 // The voxels at the corners of a cell, and the voxels around them up to a margin.
 struct Surroundings {
-    Cell size, cell, first;
+    // The number of voxels of the volume.
+    Cell size;
+    // The cell.
+    Cell cell;
+    // The first voxel of the cube that is read.
+    Cell first;
+    // The number of voxels along each axis of the cube.
     int64_t side;
+    // The values of the voxels of the cube, x fastest.
     double numbers[6 * 6 * 6];
 
     Surroundings(const AnyArray<3>& values, Cell at, int64_t margin)
@@ -23,7 +30,8 @@ struct Surroundings {
         return numbers + (z * side + y) * side + x;
     }
 
-    // Return the scaled value of a voxel that has data, or the difference at the voxel along an axis.
+    // Return a term for a voxel that has data: the scaled central difference at the voxel along an axis, or the voxel's
+    // scaled value if the axis is VALUE.
     INLINE double term(Cell voxel, int axis, double scale) const {
         const double* here = address(voxel);
         if (axis == VALUE) return *here * scale;
@@ -108,7 +116,7 @@ Range macrocell_range(const AnyArray<3>& values, Cell macrocell) {
         Range found = {INFINITE, -INFINITE};
         for (int64_t k = 0; k < side * side * side; k++) {
             has_absent |= is_nan(numbers[k]);
-            found = {least(found.low, numbers[k]), most(found.high, numbers[k])};  // NaN changes nothing
+            found = {least(found.low, numbers[k]), most(found.high, numbers[k])};  // NaN has no effect
         }
         return found;
     };

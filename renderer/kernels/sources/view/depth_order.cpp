@@ -33,8 +33,8 @@ Status sort_by_key(int num_bits, const Array<uint32_t, 1>& order, KeyOf key_of) 
     return DONE;
 }
 
-// Write digits for each index along an axis, two bits a level: 1 if a level's splitting plane hides the index from the
-// eye.
+// Write base-4 digits for each voxel index along an axis, one digit of two bits for each level: 1 if the level's
+// splitting plane lies between the index and the eye, otherwise 0.
 void fill_digits(double eye, int64_t num, int num_levels, uint64_t* digits) {
     for (int64_t index = 0; index < num; index++)
         for (int level = 0; level < num_levels; level++) {
@@ -46,7 +46,7 @@ void fill_digits(double eye, int64_t num, int num_levels, uint64_t* digits) {
 
 }  // namespace
 
-// Sort by descending depth, and equal depths by ascending index.
+// Write the indices of depths, sorted by descending depth, and equal depths by ascending index.
 Status depth_order(const DepthOrder* arguments) {
     const auto [depths, order] = *arguments;
     if (order.shape[0] != depths.shape[0]) return OUT_OF_BOUNDS;

@@ -13,7 +13,7 @@ struct ClipRegion {
     Sized<const double, 3, 3, 8> boxes;
 };
 
-// The rays of a view in the grid of a volume.
+// The rays of a view in the index space of a volume.
 //
 // With (x, y) the position of a pixel's centre in pixels, y downwards, relative to `center_px`:
 //
@@ -42,16 +42,16 @@ struct ModelView {
     bool perspective;
     // The focal length in pixels in perspective; otherwise the number of pixels in a model unit.
     double scale_px;
-    // The image's width and height.
+    // The image's width and height, in pixels.
     int64_t size[2];
     // The depth of the near plane, in model units.
     double near;
-    // The largest |x| / depth and |y| / depth at which footprints are linearised; beyond, they are linearised as at
-    // this.
+    // The largest slopes |x| / depth and |y| / depth, across and down the image. The footprint of a splat with a larger
+    // slope is linearised as one with these slopes.
     double slope_limit[2];
 };
 
-// Find the rectangles of the image around the bounds of bricks.
+// Find, for each brick, the rectangle of the image in which its bounds lie.
 struct ProjectBounds {
     // [n, 2, 3]: the lowest and the highest corner of each brick, in model coordinates.
     Sized<const double, 3, 2, 3> bounds;
@@ -67,28 +67,29 @@ KERNEL(project_bounds, ProjectBounds)
 struct CullSplats {
     // [n, 8]: the vertices of the splats, as in SplatBatch (renderer/splats/splats.py).
     Sized<const float, 2, 8> vertices;
-    // [shapes]: the largest standard deviation of each shape, in model units.
+    // [shapes]: the largest standard deviation of a splat of each shape, in model units.
     Array<const double, 1> sigmas;
     // The radius at which a footprint ends, in standard deviations.
     double cutoff;
     // The least standard deviation of a footprint, in pixels.
     double min_sigma_px;
-    // A splat counts as cut by the near plane if its centre is less than this many standard deviations behind the
-    // plane.
+    // A splat counts as cut by the near plane if its centre, seen from the eye, is less than this many standard
+    // deviations behind the plane.
     double clipped_sigmas;
-    // A splat is not drawn if its centre is more than this many standard deviations before the near plane.
+    // A splat is not drawn if its centre, seen from the eye, is at least this many standard deviations before the near
+    // plane.
     double culled_sigmas;
     ModelView camera;
     // The unit vector in the world along which depths are measured.
     double along[3];
-    // [n]: the depths of the centres, relative to the model's origin.
+    // [n]: the depths of the splats' centres, relative to the model's origin.
     Array<float, 1> depths;
-    // [n]: whether the footprint may meet the image.
+    // [n]: whether the footprint of each splat may meet the image.
     Array<bool, 1> is_visible;
 };
 KERNEL(cull_splats, CullSplats)
 
-// Sort numbers by descending depth, and those of equal depth in ascending order.
+// Sort the indices of depths: by descending depth, and equal depths by ascending index.
 struct DepthOrder {
     // [n]: depths, none of them NaN.
     Array<const float, 1> depths;
