@@ -25,7 +25,10 @@ def brick_grid_shape(volume: Volume, level: int) -> tuple[int, int, int]:
 
 
 def grid_cells(shape: tuple[int, ...]) -> Int32:
-    """Return all cells (x, y, z) of a grid [z, y, x], x fastest, int32 [n, 3]."""
+    """Return the places (x, y, z) of all cells of a grid, x fastest: int32 [n, 3].
+
+    shape: the number of cells along z, y, x.
+    """
     return np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
 
 
