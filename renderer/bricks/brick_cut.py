@@ -105,7 +105,10 @@ def brick_cut_sizes(
 
 
 def _count_at_thresholds(bricks: Sequence[Bricks | BrickLayers], finest_levels: Sequence[int]) -> tuple[Float64, Int64]:
-    """Return CutSizes.split_thresholds, float64 [n], thresholds of 0 included, and CutSizes.counts, int64 [n + 1]."""
+    """Return the thresholds at which the number of bricks changes, and the numbers of bricks, as in CutSizes.
+
+    Returns float64 [n], which may include a threshold of 0, and int64 [n + 1].
+    """
     found = [_visible_thresholds(*each) for each in zip(bricks, finest_levels, strict=True)]
     begin, end = (np.sort(np.concatenate(each)) for each in zip(*found, strict=True))
     steps = np.sort(np.concatenate([begin, end]))[::-1]

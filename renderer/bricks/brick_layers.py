@@ -48,7 +48,7 @@ class BrickLayers:
 
     @property
     def volume(self) -> Volume:
-        """Return one of the volumes on the grid."""
+        """Return the volume of the first layer. The volumes of all layers have the same grid."""
         return self.layers[0].bricks.volume
 
     @cached_property

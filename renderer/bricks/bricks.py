@@ -225,7 +225,7 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
 
     Bricks at the border count as whole bricks.
     """
-    largest = float(of_brick.max()) or 1.0  # errors are divided by it, as squares of scalars may overflow
+    largest = float(of_brick.max()) or 1.0  # squares of errors of scalars may overflow
     squares, nums = (reduce_blocks(np.add, each, 2) for each in ((of_brick / largest) ** 2, np.ones_like(of_brick)))
     return np.asarray(largest * np.sqrt(squares / nums))
 
@@ -282,7 +282,10 @@ def _measure_voxels(
 
 
 def _cell_error_scale(pyramid: Pyramid, number: int) -> float:
-    """Return the ratio between the error of a whole node of a level and the root of its variance."""
+    """Return the ratio between the error of a node that the border does not cut and the root of the node's variance.
+
+    number: the level of the node.
+    """
     return float(error_scale(pyramid.volume, pyramid.measure, 8.0**number))
 
 

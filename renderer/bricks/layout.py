@@ -12,7 +12,7 @@ from renderer.volume import Int32, Volume
 BRICK_LEVELS = 4
 # The number of cells along each side of a brick.
 BRICK_SIZE = 1 << BRICK_LEVELS
-# The width of the halo, in cells.
+# The width, in cells, of a brick's halo: the layer of neighbouring cells around the brick.
 HALO = 1
 # The number of cells along each side of a brick with its halo.
 PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO

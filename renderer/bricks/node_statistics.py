@@ -66,7 +66,7 @@ class NodeStatistics:
         return largest
 
     def visible_bounds(self) -> Float32:
-        """Return BrickLevel.visible_bounds of this level: float32 [z, y, x, 2, 3]."""
+        """Return the visible bounds of the bricks of this level, as in BrickLevel: float32 [z, y, x, 2, 3]."""
         shape = self.max_error_by_neighbour.shape[:3]
         low, end = np.full((*shape, 3), BRICK_SIZE + 1), np.full((*shape, 3), -BRICK_SIZE)
         for at, neighbours in _neighbours(self.bounds_by_neighbour):
@@ -81,7 +81,10 @@ class NodeStatistics:
         return np.where((low < end)[..., None, :], bounds, 0.0).astype(np.float32)
 
     def step_errors_below(self) -> Float64:
-        """Return BrickLevel.step_errors of the level below, without sub-voxel variation: float64 [z, y, x]."""
+        """Return the step errors of the bricks of the level below, as in BrickLevel: float64 [z, y, x].
+
+        Sub-voxel variation is left out.
+        """
         shape = self.max_error_below.shape
         sizes = cell_voxel_counts(grid_cells(shape), self.level - 1 + BRICK_LEVELS, self.volume).reshape(shape)
         return or_of_neighbours(self.max_error_below * np.sqrt(self.squared_errors_below / sizes))

@@ -185,7 +185,7 @@ class Header:
     """
 
     def __init__(self, text: str) -> None:
-        self._texts: dict[str, tuple[list[str], list[str]]] = {}  # the lines of each struct's comment and body
+        self._texts: dict[str, tuple[list[str], list[str]]] = {}  # for each struct, the lines of its comment and of its body
         self.arguments: dict[str, str] = {}
         long_kernels = set()
         comment: list[str] = []

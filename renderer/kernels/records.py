@@ -164,16 +164,16 @@ class VisibleNodes(NamedTuple):
     roots. In the room of each level, its visible nodes come first, in Morton order.
     """
 
-    # [n, 4]: the means of the nodes' channels.
+    # [n, 4]: the means of the four channels of each node.
     means: NDArray[np.float32]
     # [n]: the standard deviation of each node: the square root of the sum of its channels' variances.
     deviations: NDArray[np.float32]
     # [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for nodes of level 1, whose
     # children are voxels.
     masks: NDArray[np.uint8]
-    # [n, 3]: the nodes (x, y, z); empty if not asked for.
+    # [n, 3]: the place (x, y, z) of each node, in widths of the node; empty if the caller needs no places.
     cells: NDArray[np.int32]
-    # [n]: the number of voxels of each node; empty if not asked for.
+    # [n]: the number of voxels of each node; empty if the caller needs no numbers.
     sizes: NDArray[np.int64]
     # [3]: the number of visible nodes on each level of the groups.
     counts: NDArray[np.int64]
@@ -191,7 +191,7 @@ class TransferTable(NamedTuple):
     Two control points at one value are a step, whose value belongs to the upper side.
     """
 
-    # [n]: the control values, none smaller than the one before.
+    # [n]: the control values, ascending; equal ones are a step.
     values: NDArray[np.float64]
     # [n + 1, 10]: for each segment its start, its width, the channels [4] at the start, and their rise [4]. Segment k
     # holds the scalars from control value k - 1 to control value k; the first and the last segment are constant.
@@ -202,7 +202,7 @@ class TransferTable(NamedTuple):
     # [GUIDE_SIZE + 3]: a guide to the segments. The range of the control values is divided into GUIDE_SIZE equal
     # buckets. For a scalar in bucket b, from guide[b] to guide[b + 3] control values are at or below the scalar.
     guide: NDArray[np.uint64]
-    # The number of buckets of the guide in a unit of the scaled scalar.
+    # The number of buckets of the guide per unit of a scalar multiplied by `scale`.
     buckets_per_unit: float
 
 
@@ -221,7 +221,7 @@ class LightGrid(NamedTuple):
     # factors at the cell and at its next neighbours along x, y and z, x fastest. Two more numbers follow the last
     # cell.
     corners: NDArray[np.int32]
-    # The width of a cell, in voxels. Cells begin at the corner of the first voxel.
+    # The width of a cell of the light grid, in voxels. Cells begin at the corner of the first voxel.
     cell_size: float
     # From 0 to 1: how much of the factors on the ambient light applies.
     occlusion_strength: float
@@ -252,7 +252,7 @@ class Classifier(NamedTuple):
     # Whether the channels are (a c, a), with the opacity a and the colour c, and not (tau c, tau), with the extinction
     # tau.
     is_opacity: bool
-    # The light on voxels; None without shading.
+    # The light on voxels, by which colours are multiplied; None without shading.
     lighting: VoxelLighting | None
     # The scalars at which visibility changes (renderer/transfer/transfer_function.py).
     breakpoints: NDArray[np.float64]
@@ -334,18 +334,18 @@ class RemovedSet(NamedTuple):
     own_from_index: NDArray[np.float64]
     # [3, 3]: the matrix from directions along the set's own axes to the world.
     world_from_own: NDArray[np.float64]
-    # The lowest corner, in the set's own axes.
+    # The lowest corner of the set, in its own axes.
     low: NDArray[np.float64]
-    # The highest corner, in the set's own axes.
+    # The highest corner of the set, in its own axes.
     high: NDArray[np.float64]
 
 
 class IndexRays(NamedTuple):
     """A set of n rays in index space, and their parts that are neither clipped away nor masked."""
 
-    # [n, 3]: positions (x, y, z), in voxels.
+    # [n, 3]: the origin (x, y, z) of each ray, in voxels.
     origins: NDArray[np.float64]
-    # [n, 3]: the rays' directions in index space, of unit length in the world.
+    # [n, 3]: the direction of each ray, in index space, of unit length in the world.
     directions: NDArray[np.float64]
     # [n, k, 2]: the distances from the origin, in the world, at which the parts of each ray start and end; some parts
     # are empty.
@@ -364,7 +364,7 @@ class LayerOptics(NamedTuple):
     macrocells: NDArray[np.uint8]
     # The transfer function of the layer.
     intervals: Intervals
-    # The light; None without a light.
+    # The light on the layer; None without a light.
     shading: RayShading | None
     # The factor on the layer's extinction.
     weight: float
@@ -396,7 +396,7 @@ class RaySetup(NamedTuple):
         origin = origins @ (1, x, y)        direction = directions @ (1, x, y)
     """
 
-    # [3, 3]: the matrix to origins of rays, in index space relative to the volume's centre.
+    # [3, 3]: the matrix from (1, x, y) to the origin of a ray, in index space relative to the volume's centre.
     origins: NDArray[np.float64]
     # [3, 3]: the matrix to directions of rays, in index units per model unit of depth in perspective, and per model
     # unit of length otherwise.
@@ -405,14 +405,14 @@ class RaySetup(NamedTuple):
     slope_per_px: float
     # The distance from the origin at which rays start, on the near plane, in model units along the direction.
     start: float
-    # The position of the image's centre (x, y), in pixels.
+    # The position (x, y) of the image's centre, in pixels.
     center_px: NDArray[np.float64]
     # The region that clipping leaves; None if the view clips nothing.
     clip: ClipRegion | None
 
 
 class ModelView(NamedTuple):
-    """A view in model units."""
+    """A view of a model: where the eye is, and how points are projected to pixels. Lengths are in model units."""
 
     # [3, 4]: the rotation and translation from the model to the view, in model units.
     view_from_model: NDArray[np.float64]
@@ -422,7 +422,7 @@ class ModelView(NamedTuple):
     scale_px: float
     # The image's width and height, in pixels.
     size: tuple[int, int]
-    # The depth of the near plane, in model units.
+    # The depth of the near plane, in model units; nothing nearer to the eye is drawn.
     near: float
     # The largest slopes |x| / depth and |y| / depth, across and down the image. The footprint of a splat with a larger
     # slope is linearised as one with these slopes.

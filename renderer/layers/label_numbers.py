@@ -79,7 +79,7 @@ def _numbers_of(values: Array, shown: Array, numbers: Array) -> Array:
         is_possible = (shown >= lowest) & (shown <= np.iinfo(values.dtype).max)
         table[shown[is_possible] - lowest] = numbers[is_possible]
         return table[values.astype(np.int64) - lowest]
-    if values.dtype == np.uint64:  # numpy would convert it to float64, to compare it with other integers
+    if values.dtype == np.uint64:  # numpy would compare uint64 with int64 as float64
         values = values.astype(np.int64)
     at = np.minimum(np.searchsorted(shown, values), len(shown) - 1)
     return np.where(shown[at] == values, numbers[at], numbers.dtype.type(0))

@@ -47,7 +47,7 @@ class Layer:
 
     @property
     def optics(self) -> TransferFunction:
-        """Return the transfer function that is drawn, which a projection replaces by its own."""
+        """Return the transfer function that is drawn: the projection's, or the scene's if there is no projection."""
         return self.transfer if self.projection is None else self.projection.optics
 
 
@@ -95,7 +95,7 @@ class _Held:
 
     @classmethod
     def by(cls, spec: LayerSpec, scene: Scene) -> _Held:
-        """Return the choice for a layer of a scene."""
+        """Return the choice of the parts of a scene on which one of its layers depends."""
         shading = spec.shading
         has_light_grid = shading is not None and shading.has_light_grid
         has_shadow = shading is not None and shading.shadow > 0

@@ -254,7 +254,7 @@ class _Tier(NamedTuple):
 
 
 class _BuildBlocks(Protocol):
-    """A function that builds the nodes of some blocks: the kernel `build_blocks`, with its other arguments."""
+    """A function that builds the nodes of some blocks: the kernel `build_blocks`, with all other arguments given."""
 
     def __call__(self, *, starts: Int64, extents: Int64, visible: Bools) -> None: ...
 
@@ -325,7 +325,11 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
 
 
 def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scratch) -> tuple[list[Level], _Tier]:
-    """Build the levels inside the blocks of one task; return the stored parts of `targets`, and the blocks' roots."""
+    """Build the levels inside the blocks of one task.
+
+    Returns, for each level, the part of `targets` to which its visible nodes are stored; and the roots of the blocks,
+    from which the next tier is made. targets: for each level, the part of its arrays for the blocks of the task.
+    """
     pyramid, (nodes, build), stored = plan.pyramid, scratch, []
     cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
     extents, visible = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz), np.empty(len(cells), np.bool_)

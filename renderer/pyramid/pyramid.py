@@ -27,10 +27,10 @@ import numpy as np
 from renderer.kernels import Classifier
 from renderer.volume import Array, Bools, Int64, UInt8, Volume
 
-# A number of voxels along each axis.
+# The type of the size of a volume: the number of voxels along x, y, z.
 Shape = tuple[int, int, int]
 
-# The children (x, y, z) of a cell in Morton order, int32 [8, 3].
+# The places (x, y, z) of the eight children of a cell, 0 or 1 along each axis, in Morton order: int32 [8, 3].
 OCTANTS = np.arange(8, dtype=np.int32)[:, None] >> np.arange(3, dtype=np.int32) & 1
 
 
@@ -70,7 +70,7 @@ class Level(NamedTuple):
         return cls(np.empty((num, 4), dtype), np.empty(num, dtype), masks, np.empty(0, np.int64))
 
     def part(self, first: int, end: int) -> Level:
-        """Return views of the nodes from `first` to `end`."""
+        """Return a level that holds views of the nodes from index `first` up to `end`."""
         return Level._make(array[first:end] for array in self)
 
 
@@ -106,7 +106,7 @@ class Pyramid:
 
     @property
     def num_levels(self) -> int:
-        """Return the root's level."""
+        """Return the number of levels, which is also the level of the root."""
         return len(self.levels)
 
     @property

@@ -119,7 +119,7 @@ class GouraudFootprint:
 
     @property
     def cutoff(self) -> float:
-        """Return the outer radius of the mesh, in standard deviations."""
+        """Return the outer radius of the footprint's mesh, in standard deviations."""
         return float(np.hypot(*self.vertices.T).max())
 
 

@@ -14,7 +14,7 @@ namespace {
 
 // The guarded regions, which Python fills in.
 GuardRegions guarded;
-// The handler of SIGBUS before this one.
+// The handler of SIGBUS that this handler replaces.
 struct sigaction former;
 
 // Return the end of a region: the address after its last byte. It is the last number of a region that Python sets.
@@ -36,7 +36,7 @@ void handle(int number, siginfo_t* information, void*) {
         if (mmap(first, end - (int64_t)first, PROT_READ, kind, -1, 0) == first) return;
     }
     sigaction(number, &former, nullptr);  // the same instruction faults again, now to the former handler
-    if (was_sent) raise(number);          // the signal comes when the handler returns
+    if (was_sent) raise(number);          // send the signal again: it is handled when this handler returns
 }
 
 }  // namespace

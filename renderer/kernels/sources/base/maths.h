@@ -68,9 +68,9 @@ INLINE double times_power_of_two(double number, int64_t exponent) {
 // A reduced exponential: exp(high + low) = (near + near * share) * 2^exponent, with near = 2^(j / 128) and |share| <
 // 0.00271.
 struct Reduced {
-    // 2^(j / 128) for a j from 0 to 127, rounded.
+    // 2^(j / 128) for an index j from 0 to 127, rounded to float64.
     double near;
-    // The factor on `near` for the part of the exponential that no power of two has.
+    // The share of `near` that is added to `near`.
     double share;
     // The exponent of the power of two.
     int64_t exponent;
@@ -188,7 +188,7 @@ inline double extreme_power(double x, double y) {
 }  // namespace maths
 
 INLINE double exp_of(double x) {
-    return maths::exp_of_sum(x, -0.0);  // adding -0.0 leaves any number as it is
+    return maths::exp_of_sum(x, -0.0);  // -0.0, because adding it changes no number
 }
 
 // Return exp(x) - 1.

@@ -4,7 +4,7 @@
 
 namespace {
 
-// The number of texels from one texel to the next along x, y, z.
+// The distance in memory from one texel of a brick to the next along x, y, z, in texels.
 constexpr int64_t STRIDES[3] = {1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE};
 
 // A brick at the volume's border, whose texels are changed in place.
@@ -33,7 +33,7 @@ struct Border {
     // cell: the brick's position along the axis. extent: the volume's extent in cells. num_cells: the extent, rounded
     // up.
     void extrapolate_axis(int axis, int64_t cell, double extent, int64_t num_cells) const {
-        int64_t last = num_cells - BRICK_SIZE * cell;  // the last cell's texel
+        int64_t last = num_cells - BRICK_SIZE * cell;  // the index of the texel of the last cell
         if (cell > 0 && last > PADDED_BRICK_SIZE - 1) return;
         int64_t step = STRIDES[axis], other = STRIDES[(axis + 1) % 3], another = STRIDES[(axis + 2) % 3];
         double share = extent - (double)num_cells + 1, to_centre = 0.5 - 0.5 * share;

@@ -3,13 +3,13 @@
 #include "bricks/kernels.h"
 #include "volume/voxels.h"
 
-// The number of levels of the octree inside a brick.
+// The number of octree levels between a brick and its cells.
 constexpr int64_t BRICK_LEVELS = 4;
 // The number of cells along each axis of a brick.
 constexpr int64_t BRICK_SIZE = 1 << BRICK_LEVELS;
 // The number of cells on each side of a brick that its texels hold, too.
 constexpr int64_t HALO = 1;
-// The number of texels along each axis of a brick.
+// The number of texels along each axis of a brick with its halo.
 constexpr int64_t PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
 
 namespace {

@@ -17,7 +17,7 @@ struct Voxels {
 // Measure the dual cells, each between eight voxel centres, in bricks of level 0.
 struct MeasureVoxelBricks {
     Voxels voxels;
-    // [n, 3]: the bricks (x, y, z).
+    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
     EACH_CALL Array<const int32_t, 2> cells;
     // The scalars at which visibility changes (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
@@ -25,7 +25,7 @@ struct MeasureVoxelBricks {
     TransferTable curve;
     // [z, y, x]: 0 for voxels that a mask hides; None without a mask.
     Maybe<Array<const uint8_t, 3>> shown;
-    // Whether labels are lit. Lit labels end at the volume's border, where others continue.
+    // Whether labels are lit. Lit labels end at the border of the volume; unlit labels continue beyond.
     bool are_lit;
     // [n, 18, 18, 18, 4]: the channels w of voxels that are colours, linear between voxels: of the measures, only J is
     // then written. None to measure by the voxels' scalars.
@@ -41,7 +41,7 @@ LONG_KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
 // Find the ranges of scalars in bricks of level 0 and their halo.
 struct MeasureRanges {
     Voxels voxels;
-    // [n, 3]: the bricks (x, y, z).
+    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
     EACH_CALL Array<const int32_t, 2> cells;
     // [n, 2]: the smallest and the largest scalar of each brick.
     EACH_CALL Array<double, 2> ranges;
@@ -50,11 +50,11 @@ KERNEL(measure_ranges, MeasureRanges)
 
 // Add nodes to the statistics of bricks (NodeStatistics in renderer/bricks/node_statistics.py).
 struct AddNodes {
-    // [n, 3]: the nodes (x, y, z).
+    // [n, 3]: the place (x, y, z) of each node, in widths of a node.
     Array<const int32_t, 2> cells;
     // [n]: the number of voxels of each node.
     Array<const int64_t, 1> sizes;
-    // [n]: the error of each node.
+    // [n]: the error of each node, in the unit of the error measure.
     Array<const double, 1> errors;
     // [n]: whether each node is visible.
     Array<const bool, 1> is_visible;
@@ -76,9 +76,9 @@ KERNEL(add_nodes, AddNodes)
 // Make the texels of bricks of level 0, as `scalar_texels` returns them (renderer/bricks/texels.py).
 struct FillScalarTexels {
     Voxels voxels;
-    // [n, 3]: the bricks (x, y, z).
+    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
     Array<const int32_t, 2> cells;
-    // The scalar for which a texel is 0.
+    // The scalar whose texel is 0: the start of the range to which scalars are normalized.
     double first;
     // The width of the range of scalars, multiplied by `factor`, as `range_width` returns it.
     double width;
@@ -92,18 +92,18 @@ struct FillScalarTexels {
     double toward_light[3];
     // [labels]: the opacity of a voxel of each label, by the label's number.
     Array<const double, 1> opacities;
-    // [n, 18^3]: the scalars; with light [n, 4 * 18^3], where gradients follow the scalars.
+    // [n, 18^3]: the scalars of each brick and its halo; with light [n, 4 * 18^3], with gradients after the scalars.
     Array<float, 2> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)
 
 // Continue the means of bricks beyond the volume's border (renderer/bricks/texels.py).
 struct ExtrapolateBorder {
-    // [n, 3]: the bricks (x, y, z).
+    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
     Array<const int32_t, 2> cells;
-    // The volume's extents (x, y, z), in cells of the level.
+    // The extents (x, y, z) of the volume, in cells of the level of the bricks.
     double extents[3];
-    // The largest ratio of a colour to its optical depth.
+    // The largest ratio of a mean of tau c to a mean of tau; colours are clamped to it.
     double brightest;
     // [n, 18, 18, 18, 4]: the means of cells, which are turned into texels of the field.
     Array<float, 5> texels;

@@ -75,9 +75,9 @@ INLINE double squared(double x) { return x * x; }
 
 // The transfer function as a function of scaled scalars. Segment k lies between the control values k - 1 and k.
 struct Curve {
-    // The rows of the table, as in TransferTable.
+    // The rows of the transfer function's table, as in TransferTable.
     Array<const double, 2> rows;
-    // The factor on scalars, as in TransferTable.
+    // The power of two by which scalars are multiplied, as in TransferTable.
     double scale;
 
     INLINE double value(int64_t k) const { return rows(k + 1, 0); }
@@ -184,9 +184,9 @@ INLINE double squared_length(Channels w) {
 
 // The distance of the transfer function from a line, for a dual cell.
 struct Distance {
-    // D^2, the mean squared distance.
+    // D^2, the mean squared distance, as at the head of this file.
     double square;
-    // width^2, the squared width of the peaks above the line.
+    // width^2, the squared width of the peaks above the line, as at the head of this file.
     double squared_width;
 };
 
@@ -213,11 +213,11 @@ Distance distance(const Curve& curve, Range range, int64_t first, int64_t last, 
 
 // The variation in a brick, by the definitions of D, width and J at the head of this file.
 struct Variation {
-    // The largest D or J of a dual cell.
+    // The largest D or J of a dual cell of the brick.
     double largest;
-    // The root mean square of D / width^2.
+    // The root mean square of D / width^2 over the dual cells of the brick.
     double steps;
-    // The root mean square of J.
+    // The root mean square of J over the dual cells of the brick.
     double differences;
 };
 

@@ -25,7 +25,7 @@ class VisibilityTest {
             for (int64_t y = 0; y < extent[1]; y++) {
                 const T* row = &patterns(first[2] + z, first[1] + y, first[0]);
                 bool found = false;
-                if (extent[0] == SIDE)  // a fixed number, which the compiler unrolls
+                if (extent[0] == SIDE)  // a fixed number of voxels, so that the compiler unrolls the loop
                     for (int64_t x = 0; x < SIDE; x++) found |= is_visible[row[x]];
                 else
                     for (int64_t x = 0; x < extent[0]; x++) found |= is_visible[row[x]];

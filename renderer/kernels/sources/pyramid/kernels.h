@@ -7,16 +7,16 @@
 // Arrays have room for all nodes of all groups: first the lowest level of every group, then the middle level, then the
 // roots. In the room of each level, its visible nodes come first, in Morton order.
 struct VisibleNodes {
-    // [n, 4]: the means of the nodes' channels.
+    // [n, 4]: the means of the four channels of each node.
     Array<float, 2> means;
     // [n]: the standard deviation of each node: the square root of the sum of its channels' variances.
     Array<float, 1> deviations;
     // [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for nodes of level 1, whose
     // children are voxels.
     Array<uint8_t, 1> masks;
-    // [n, 3]: the nodes (x, y, z); empty if not asked for.
+    // [n, 3]: the place (x, y, z) of each node, in widths of the node; empty if the caller needs no places.
     Array<int32_t, 2> cells;
-    // [n]: the number of voxels of each node; empty if not asked for.
+    // [n]: the number of voxels of each node; empty if the caller needs no numbers.
     Array<int64_t, 1> sizes;
     // [3]: the number of visible nodes on each level of the groups.
     Array<int64_t, 1> counts;
@@ -41,13 +41,13 @@ struct BuildBlocks {
     Maybe<Array<const double, 1>> normalization;
     // The variances below which nodes of level 2, and of level 3, are leaves in every cut.
     double leaf_variance_limits[2];
-    // [z, y, x]: the cells of `occupied_level` that hold a visible node. The array is updated.
+    // [z, y, x]: whether each cell of `occupied_level` holds a visible node. The array is updated.
     Array<bool, 3> occupied;
     // The level of the cells of `occupied`, which are 2^level voxels wide.
     int64_t occupied_level;
-    // [n, 3]: the first voxel of each block (x, y, z).
+    // [n, 3]: the place (x, y, z) of the first voxel of each block.
     EACH_CALL Array<const int64_t, 2> starts;
-    // [n, 3]: the voxels of each block that are inside the volume (x, y, z).
+    // [n, 3]: the number of voxels (x, y, z) of each block that are inside the volume.
     EACH_CALL Array<const int64_t, 2> extents;
     // [n]: whether each block may show something. Only these blocks have nodes.
     EACH_CALL Array<bool, 1> visible;
@@ -58,17 +58,17 @@ LONG_KERNEL(build_blocks, BuildBlocks)
 
 // Merge the roots of groups into larger groups: two more levels of the pyramid.
 struct MergeTier {
-    // [n, 4]: the means of the roots' channels.
+    // [n, 4]: the means of the four channels of each root.
     Array<const float, 2> means;
-    // [n, channels]: the means of the roots, in the channels that errors are measured on.
+    // [n, channels]: the means of each root, in the channels that errors are measured on.
     Array<const double, 2> error_means;
-    // [n, channels]: the variances of the roots, in the channels that errors are measured on.
+    // [n, channels]: the variances of each root, in the channels that errors are measured on.
     Array<const double, 2> variances;
     // [n]: 64 times the number of a root's group, plus the root's index in the group; ascending.
     Array<const int64_t, 1> places;
-    // [groups, 3]: the voxels of each group that are inside the volume (x, y, z).
+    // [groups, 3]: the number of voxels (x, y, z) of each group that are inside the volume.
     Array<const int64_t, 2> extents;
-    // The width of a root, in voxels.
+    // The width of the root of a group that is merged, in voxels.
     int64_t side;
     // The visible nodes of the larger groups, which the kernel writes.
     VisibleNodes nodes;
@@ -92,7 +92,7 @@ KERNEL(average_cells, AverageCells)
 
 // Store numbers as float16.
 struct StoreFloat16 {
-    // [n]: the numbers.
+    // [n]: the numbers that are stored.
     Array<const float, 1> values;
     // A power of two by which the numbers are multiplied; the products are from 0 to 2^15.
     float factor;
@@ -103,17 +103,17 @@ KERNEL(store_float16, StoreFloat16)
 
 // List the visible children of some nodes of a level.
 struct ListChildren {
-    // [n]: the nodes, as indices among the nodes of their level.
+    // [n]: the nodes whose children are listed, as indices among the nodes of their level.
     Array<const int64_t, 1> nodes;
     // [all]: the index of the first visible child of each node of the level, as in Level (renderer/pyramid/pyramid.py).
     Array<const int64_t, 1> first_children;
-    // [n, 3]: the nodes (x, y, z).
+    // [n, 3]: the place (x, y, z) of each node, in widths of a node.
     Array<const int32_t, 2> cells;
     // [all]: the mask of visible children of each node of the level, as in Level (renderer/pyramid/pyramid.py).
     Array<const uint8_t, 1> masks;
-    // [m]: the children, as indices among the nodes of the level below.
+    // [m]: the visible children, as indices among the nodes of the level below.
     Array<int64_t, 1> child_nodes;
-    // [m, 3]: the children (x, y, z).
+    // [m, 3]: the place (x, y, z) of each visible child, in widths of a child.
     Array<int32_t, 2> child_cells;
 };
 KERNEL(list_children, ListChildren)
@@ -124,13 +124,13 @@ struct FindVoxels {
     AnyArray<3> raw;
     // The classifier of the channels (tau c, tau), by which voxels are visible.
     Classifier classifier;
-    // [n, 3]: the cells of level 1 (x, y, z).
+    // [n, 3]: the place (x, y, z) of each cell of level 1, in widths of a cell.
     Array<const int32_t, 2> parents;
-    // [n]: the number of visible voxels in each cell.
+    // [n]: the number of visible voxels in each cell of level 1.
     Array<uint8_t, 1> counts;
-    // [m, 3]: the visible voxels (x, y, z); empty if not asked for.
+    // [m, 3]: the place (x, y, z) of each visible voxel; empty if the caller only counts voxels.
     Array<int32_t, 2> cells;
-    // [m, 4]: the channels of the visible voxels; empty if not asked for.
+    // [m, 4]: the channels (tau c, tau) of each visible voxel; empty if the caller only counts voxels.
     Array<float, 2> depths;
 };
 KERNEL(find_voxels, FindVoxels)

@@ -69,7 +69,7 @@ template <class T, int64_t NUM>
 struct Shares {
     // The number of channels of all nodes of the level.
     static constexpr int64_t WIDTH = NUM * NUM_CHANNELS<T>;
-    // The shares along x, y and z.
+    // The shares h along x, y and z, for each channel of each node.
     T along[3][WIDTH];
 
     // extent: the voxels of the group that are inside the volume, along x, y, z. child: the width of the nodes'
@@ -78,7 +78,8 @@ struct Shares {
         for (int64_t axis = 0; axis < 3; axis++)
             for (int64_t j = 0; j < WIDTH; j++) {
                 int64_t node = j / NUM_CHANNELS<T>, first = node >> axis & 1;
-                if (NUM == 64) first = first << 1 | (node >> (3 + axis) & 1);  // the lower bit is the larger parent's
+                // On the lowest level, the lower bit of an octal digit belongs to the larger parent.
+                if (NUM == 64) first = first << 1 | (node >> (3 + axis) & 1);
                 int64_t rest = extent[axis] - first * 2 * child;
                 int64_t low = least(most(rest, (int64_t)0), child), high = least(most(rest - child, (int64_t)0), child);
                 along[axis][j] = (T)((double)high / (double)most(low + high, (int64_t)1));
@@ -106,13 +107,13 @@ template <class T>
 class Group {
     // The number of channels of a node.
     static constexpr int64_t C = NUM_CHANNELS<T>;
-    // The shares of the 64 nodes on the lowest level.
+    // The shares h by which children are merged into the 64 nodes on the lowest level.
     Shares<T, 64> node_shares;
-    // The shares of the 8 parents.
+    // The shares h by which nodes are merged into the 8 parents.
     Shares<T, 8> parent_shares;
-    // The shares of the root.
+    // The shares h by which parents are merged into the root.
     Shares<T, 1> root_shares;
-    // The extent (x, y, z), in voxels, for which the shares were computed.
+    // The number of voxels (x, y, z) inside the volume for which the shares were computed.
     int64_t cut[3] = {};
 
     template <int64_t NUM>
@@ -127,9 +128,9 @@ class Group {
     }
 
   public:
-    // The means of all nodes, level by level.
+    // The means of the channels of all nodes, level by level.
     alignas(64) T means[NODES_OF_GROUP * C];
-    // The variances of all nodes, level by level.
+    // The variances of the channels of all nodes, level by level.
     alignas(64) T variances[NODES_OF_GROUP * C];
     // The channels of the voxels of a block.
     alignas(64) T voxels[BLOCK_VOXELS * C];
@@ -187,7 +188,7 @@ void hide_below_leaves(Group<float>& group, const Group<T>& errors, const double
 
 // A writer of the visible nodes of groups into the arrays of VisibleNodes.
 class Writer {
-    // The arrays.
+    // The arrays to which nodes are written.
     const VisibleNodes out;
     // The number of groups that are written so far.
     int64_t num_groups;

@@ -6,7 +6,7 @@
 //
 // Two control points at one value are a step, whose value belongs to the upper side.
 struct TransferTable {
-    // [n]: the control values, none smaller than the one before.
+    // [n]: the control values, ascending; equal ones are a step.
     Array<const double, 1> values;
     // [n + 1, 10]: for each segment its start, its width, the channels [4] at the start, and their rise [4]. Segment k
     // holds the scalars from control value k - 1 to control value k; the first and the last segment are constant.
@@ -17,7 +17,7 @@ struct TransferTable {
     // [GUIDE_SIZE + 3]: a guide to the segments. The range of the control values is divided into GUIDE_SIZE equal
     // buckets. For a scalar in bucket b, from guide[b] to guide[b + 3] control values are at or below the scalar.
     Array<const uint64_t, 1> guide;
-    // The number of buckets of the guide in a unit of the scaled scalar.
+    // The number of buckets of the guide per unit of a scalar multiplied by `scale`.
     double buckets_per_unit;
 };
 
@@ -34,7 +34,7 @@ struct LightGrid {
     // factors at the cell and at its next neighbours along x, y and z, x fastest. Two more numbers follow the last
     // cell.
     Array<const int32_t, 1> corners;
-    // The width of a cell, in voxels. Cells begin at the corner of the first voxel.
+    // The width of a cell of the light grid, in voxels. Cells begin at the corner of the first voxel.
     double cell_size;
     // From 0 to 1: how much of the factors on the ambient light applies.
     double occlusion_strength;
@@ -63,7 +63,7 @@ struct Classifier {
     // Whether the channels are (a c, a), with the opacity a and the colour c, and not (tau c, tau), with the extinction
     // tau.
     bool is_opacity;
-    // The light on voxels; None without shading.
+    // The light on voxels, by which colours are multiplied; None without shading.
     Maybe<VoxelLighting> lighting;
     // The scalars at which visibility changes (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;

@@ -55,17 +55,17 @@ struct RemovedSet {
     double own_from_index[12];
     // [3, 3]: the matrix from directions along the set's own axes to the world.
     double world_from_own[9];
-    // The lowest corner, in the set's own axes.
+    // The lowest corner of the set, in its own axes.
     double low[3];
-    // The highest corner, in the set's own axes.
+    // The highest corner of the set, in its own axes.
     double high[3];
 };
 
 // A set of n rays in index space, and their parts that are neither clipped away nor masked.
 struct IndexRays {
-    // [n, 3]: positions (x, y, z), in voxels.
+    // [n, 3]: the origin (x, y, z) of each ray, in voxels.
     Array<const double, 2> origins;
-    // [n, 3]: the rays' directions in index space, of unit length in the world.
+    // [n, 3]: the direction of each ray, in index space, of unit length in the world.
     Array<const double, 2> directions;
     // [n, k, 2]: the distances from the origin, in the world, at which the parts of each ray start and end; some parts
     // are empty.
@@ -83,7 +83,7 @@ struct LayerOptics {
     Array<uint8_t, 3> macrocells;
     // The transfer function of the layer.
     Intervals intervals;
-    // The light; None without a light.
+    // The light on the layer; None without a light.
     Maybe<RayShading> shading;
     // The factor on the layer's extinction.
     double weight;
@@ -94,7 +94,7 @@ struct LayerOptics {
     Maybe<Array<const double, 1>> label_opacities;
 };
 
-// Integrate light along rays.
+// Integrate the light of layers along rays.
 struct IntegrateRays {
     // The layers that the rays meet; their extinctions add up.
     Array<const LayerOptics, 1> layers;
@@ -119,9 +119,9 @@ struct MaskRays {
     LayerOptics layer;
     // The rays, in the index space of the mask.
     IndexRays rays;
-    // [n, k, 2]: the first k parts of each ray.
+    // [n, k, 2]: the distances at which the first k parts of each ray start and end.
     Array<double, 3> parts;
-    // [n]: the number of parts of each ray, which may exceed k.
+    // [n]: the number of parts of each ray inside the mask, which may exceed k.
     Array<int64_t, 1> counts;
 };
 LONG_KERNEL(mask_rays, MaskRays)

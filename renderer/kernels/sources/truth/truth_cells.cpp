@@ -9,9 +9,9 @@ constexpr int VALUE = -1;
 
 // The voxels at the corners of a cell, and the voxels around them up to a margin.
 struct Surroundings {
-    // The number of voxels of the volume.
+    // The number of voxels (x, y, z) of the volume.
     Cell size;
-    // The cell.
+    // The cell whose corners are read.
     Cell cell;
     // The first voxel of the cube that is read.
     Cell first;

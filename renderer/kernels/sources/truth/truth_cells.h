@@ -74,9 +74,9 @@ inline bool fit(const IndexRays& rays) {
 
 // The part of a ray inside a cell: the points entry + extent * t in cell coordinates, with t from 0 to 1.
 struct Segment {
-    // The cell.
+    // The cell in which the segment lies.
     Cell cell;
-    // The macrocell in which the cell lies.
+    // The macrocell (a block of 4^3 cells) in which the cell lies.
     Cell macrocell;
     // The length along the ray at which the segment starts.
     double start;
@@ -118,11 +118,11 @@ struct CellWalk {
     Point direction;
     // The length along the ray at which the next cell begins.
     double s;
-    // The length along the ray at which the part ends.
+    // The length along the ray at which the walk ends.
     double last;
-    // The lengths along the ray at which it leaves the next cell along x, y and z.
+    // The lengths along the ray at which the ray leaves the next cell along x, y and z.
     double to_x, to_y, to_z;
-    // The number of the next cell.
+    // The number of the next cell on the ray, along x, y and z.
     int64_t x, y, z;
 
     INLINE CellWalk(Cell size, Point from, Point along, double start, double end) : origin(from), direction(along) {
@@ -139,7 +139,7 @@ struct CellWalk {
 
     INLINE double exit(int axis, int64_t cell) const { return distance_to_plane(cell, origin[axis], direction[axis]); }
 
-    // Return whether there is another cell on the ray; if so, it becomes the segment.
+    // Return whether there is a further cell on the ray. If so, write the part of the ray inside it to `segment`.
     INLINE bool next(Segment& segment) {
         if (!(s < last)) return false;
         double s_exit = least(most(least(least(to_x, to_y), to_z), s), last);

@@ -10,7 +10,7 @@
 namespace truth {
 namespace {
 
-// A number, and the position at which it was found.
+// The largest number found on a ray, and the position at which it was found.
 struct Found {
     double number;
     double place;

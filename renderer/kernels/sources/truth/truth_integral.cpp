@@ -21,7 +21,7 @@ constexpr double MAX_OPTICAL_DEPTH = 27.631021115928547;
 // The largest optical depth of a quadrature step, for a bound of 1 in `max_steps`. With four nodes, steps of at most a
 // voxel and of this depth left errors of at most 6e-8 on two CT scans.
 constexpr double MAX_DEPTH_OF_STEP = 1.0;
-// The number of nodes of the Gaussian quadrature in a step.
+// The number of points of a step (nodes of the Gaussian quadrature) at which light is computed.
 constexpr int NUM_NODES = 4;
 // The index in PLACES of the middle of a step, which follows the nodes.
 constexpr int MIDDLE = NUM_NODES;
@@ -45,11 +45,11 @@ constexpr int64_t DEPTH = 3;
 // The index of the first interval's opacity in the numbers that a ray gathers.
 constexpr int64_t FIRST_INTERVAL = 4;
 
-// A quadrature step.
+// A step of the quadrature along a ray, through one or more layers.
 struct Step {
-    // The colours at the nodes and in the middle.
+    // The colours at the nodes of the quadrature and in the middle of the step.
     Color colors[NUM_NODES + 1];
-    // The extinctions at the nodes and in the middle, as optical depths per length of the step.
+    // The extinctions at the nodes and in the middle, as optical depths over the length of the step.
     double densities[NUM_NODES + 1];
     // The optical depth from the step's start to each node.
     double before[NUM_NODES];
@@ -135,7 +135,7 @@ struct Integrator {
     double max_depth;
     // The bounds of the steps, as in IntegrateRays.
     Array<const double, 1> max_steps;
-    // The ray through each layer.
+    // The state of the ray in each layer.
     Array<LayerRay, 1> layers;
     // [steps, 4 + intervals of all layers]: the numbers that the ray gathers, for each bound of the steps.
     Array<double, 2> gathered;

@@ -17,7 +17,7 @@ constexpr int64_t MAX_LABEL_CHANGES = 64;
 struct LabelSegment {
     // The label numbers of the 4^3 voxels around the cell, x fastest.
     double numbers[64];
-    // For each of these voxels, the index of the first voxel with the same number.
+    // For each voxel in `numbers`, the index of the first voxel with the same label number.
     uint8_t first[64];
     // The point at which the ray enters the cell, as in Segment.
     Point entry;
@@ -25,18 +25,18 @@ struct LabelSegment {
     Point extent;
     // The positions t at which another label wins, or another voxel becomes the nearest, ascending.
     Array<double, 1> splits;
-    // The number of splits.
+    // The number of positions in `splits`.
     int64_t num_splits;
     // The number of splits at which another label wins.
     int64_t num_changes;
 
     // The label that wins at a position along the segment.
     struct Winner {
-        // The position.
+        // The position along the segment, from 0 to 1.
         double t;
-        // The number of the label.
+        // The number of the label that wins at the position.
         double number;
-        // By how much the label's sum of weights exceeds the next largest sum.
+        // By how much the sum of weights of the label that wins exceeds the next largest sum.
         double lead;
     };
 

@@ -38,22 +38,22 @@ struct Interval {
 // A piece of a segment, whose values all lie in one interval of the transfer function. A position in the piece is x,
 // from 0 to 1.
 struct Piece {
-    // The interval.
+    // The interval of the transfer function that holds the values of the piece.
     Interval interval;
-    // The number of the interval.
+    // The number of the interval that holds the values of the piece.
     int64_t number;
-    // The t of the segment at which the piece starts.
+    // The position on the segment, from 0 to 1, at which the piece starts.
     double start;
-    // The extent of the piece in t.
+    // The extent of the piece, as a share of the segment.
     double extent;
     // The length of the piece, in voxels.
     double length_voxels;
-    // The scalar at x, times `Intervals.scale`.
+    // The scalar as a cubic in x, times `Intervals.scale`.
     Cubic value;
-    // The optical depth per unit of x, at x.
+    // The optical depth per unit of x, as a cubic in x.
     Cubic tau;
 
-    // Return the part of the piece between two positions.
+    // Return the part of the piece between two positions in x.
     INLINE Piece part(double from, double to) const {
         if (from == 0.0 && to == 1.0) return *this;
         double width = to - from;
@@ -107,9 +107,9 @@ inline Cubic combination(Point weights, const Gradient& gradient) {
 
 // A ray through a layer, which stands at one piece of one cell at a time.
 struct LayerRay : LayerOptics {
-    // The rays through the layer.
+    // All rays, in the index space of the layer.
     const IndexRays* rays;
-    // The positions in t at which the cell is split into pieces, ascending; room for them.
+    // Room for the positions on the segment, from 0 to 1, at which it is split into pieces, ascending.
     Array<double, 1> splits;
     // The index, in the numbers that a ray gathers, of the opacity of the layer's first interval.
     int64_t first_interval;
@@ -117,15 +117,15 @@ struct LayerRay : LayerOptics {
     Array<const double, 2> parts;
     // The number of parts of the ray that have been begun.
     int64_t num_begun;
-    // The walk along the part of the ray.
+    // The walk from cell to cell along the part of the ray that was begun last.
     CellWalk walk;
     // The light on the segment; without a meaning for a layer without a light.
     Light light;
-    // The part of the ray inside the cell.
+    // The part of the ray inside the cell at which the ray stands.
     Segment segment;
-    // The scalar along the segment, times `Intervals.scale`.
+    // The scalar along the segment, as a cubic, times `Intervals.scale`.
     Cubic cubic;
-    // The gradient along the segment.
+    // The gradient of the scalar along the segment, per world unit.
     Gradient gradient;
     // The channels (tau c, tau) along the segment, if voxels are colours.
     Cubic channels[4];
@@ -139,7 +139,7 @@ struct LayerRay : LayerOptics {
     int64_t num_splits;
     // The number of pieces of the cell that have been taken. Pieces end at the splits and at 1.
     int64_t num_taken;
-    // The t at which the last taken piece ends.
+    // The position on the segment at which the last piece that was taken ends.
     double taken;
     // The length of the segment, in voxels.
     double length_voxels;
@@ -153,7 +153,7 @@ struct LayerRay : LayerOptics {
     double end;
     // The length up to which the ray has been integrated; infinite behind the last piece.
     double reached;
-    // The position x in the piece up to which it has been integrated.
+    // The position x up to which the piece has been integrated.
     double done;
     // The optical depth of a step through `part`.
     double depth;
@@ -234,7 +234,7 @@ struct LayerRay : LayerOptics {
         return light.factors_at({along(0), along(1), along(2)}, 0.0).lit;
     }
 
-    // Return the colour at t along the cell, if voxels are colours.
+    // Return the colour at t along the segment, for a volume whose voxels are colours.
     INLINE Color own_color(double t) const {
         double tau = value_at(channels[3], t);
         if (!(tau > 0.0)) return {};
@@ -274,13 +274,13 @@ struct LayerRay : LayerOptics {
     // Enter the next cell that shows anything. Return whether there is such a cell.
     bool enter_next() {
         for (;; num_begun++) {
-            CellWalk ahead = walk;  // a copy, which stays in registers; so does the next one
+            CellWalk ahead = walk;  // copies of members, which stay in registers
             const Array<uint8_t, 3> states = macrocells;
             for (Segment met; ahead.next(met);) {
                 if (!(met.end > met.start)) continue;
                 auto [x, y, z] = met.macrocell;
                 uint8_t& state = states(z, y, x);
-                if (state == UNKNOWN) state = classify(met.macrocell);  // the same value on all threads
+                if (state == UNKNOWN) state = classify(met.macrocell);  // all threads find the same value
                 if (state == EMPTY) continue;
                 segment = met;
                 if (!enter()) continue;

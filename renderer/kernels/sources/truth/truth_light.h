@@ -28,7 +28,7 @@ struct Light {
     Point begin = {};
     // The vector from the segment's start to its end, in index space.
     Point extent = {};
-    // The clipped sets whose faces are lit.
+    // The clipped sets whose cut faces are lit by their own normals.
     Array<const RemovedSet, 1> removed = {};
 
     // direction: the direction of the ray in index space, of length 1 in the world.
@@ -84,9 +84,9 @@ struct Light {
 
     // The light on a point.
     struct Lit {
-        // The factor on the colour.
+        // The factor on the colour of the point.
         double factor;
-        // The white light that is added to the colour.
+        // The white light that is added to the colour of the point: a highlight.
         double highlight;
     };
 
@@ -138,11 +138,11 @@ struct Light {
 
     // The light on a point, and the effect of its gradient on extinction.
     struct Factors {
-        // The factor on the colour.
+        // The factor on the colour of the point.
         double lit;
-        // The white light that is added to the colour.
+        // The white light that is added to the colour of the point: a highlight.
         double highlight;
-        // The factor on extinction.
+        // The factor on the extinction at the point.
         double extinction;
     };
     // Return the factors at t along the segment (J. F. Blinn, "Models of Light Reflection for Computer Synthesized

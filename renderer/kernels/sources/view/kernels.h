@@ -19,7 +19,7 @@ struct ClipRegion {
 //
 //     origin = origins @ (1, x, y)        direction = directions @ (1, x, y)
 struct RaySetup {
-    // [3, 3]: the matrix to origins of rays, in index space relative to the volume's centre.
+    // [3, 3]: the matrix from (1, x, y) to the origin of a ray, in index space relative to the volume's centre.
     double origins[9];
     // [3, 3]: the matrix to directions of rays, in index units per model unit of depth in perspective, and per model
     // unit of length otherwise.
@@ -28,13 +28,13 @@ struct RaySetup {
     double slope_per_px;
     // The distance from the origin at which rays start, on the near plane, in model units along the direction.
     double start;
-    // The position of the image's centre (x, y), in pixels.
+    // The position (x, y) of the image's centre, in pixels.
     double center_px[2];
     // The region that clipping leaves; None if the view clips nothing.
     Maybe<ClipRegion> clip;
 };
 
-// A view in model units.
+// A view of a model: where the eye is, and how points are projected to pixels. Lengths are in model units.
 struct ModelView {
     // [3, 4]: the rotation and translation from the model to the view, in model units.
     double view_from_model[12];
@@ -44,7 +44,7 @@ struct ModelView {
     double scale_px;
     // The image's width and height, in pixels.
     int64_t size[2];
-    // The depth of the near plane, in model units.
+    // The depth of the near plane, in model units; nothing nearer to the eye is drawn.
     double near;
     // The largest slopes |x| / depth and |y| / depth, across and down the image. The footprint of a splat with a larger
     // slope is linearised as one with these slopes.
@@ -69,9 +69,9 @@ struct CullSplats {
     Sized<const float, 2, 8> vertices;
     // [shapes]: the largest standard deviation of a splat of each shape, in model units.
     Array<const double, 1> sigmas;
-    // The radius at which a footprint ends, in standard deviations.
+    // The radius at which the footprint of a splat ends, in standard deviations.
     double cutoff;
-    // The least standard deviation of a footprint, in pixels.
+    // The smallest standard deviation of a footprint, in pixels; smaller footprints are widened.
     double min_sigma_px;
     // A splat counts as cut by the near plane if its centre, seen from the eye, is less than this many standard
     // deviations behind the plane.
@@ -91,24 +91,24 @@ KERNEL(cull_splats, CullSplats)
 
 // Sort the indices of depths: by descending depth, and equal depths by ascending index.
 struct DepthOrder {
-    // [n]: depths, none of them NaN.
+    // [n]: the depths that are sorted, none of them NaN.
     Array<const float, 1> depths;
-    // [n]: the indices of the depths, sorted.
+    // [n]: the indices of the depths, from the largest depth to the smallest.
     Array<uint32_t, 1> order;
 };
 KERNEL(depth_order, DepthOrder)
 
 // Sort nodes of the octree back to front, as boxes.
 struct BoxOrder {
-    // [n]: the level of each node.
+    // [n]: the octree level of each node.
     Array<const uint8_t, 1> levels;
-    // [n, 3]: the nodes (x, y, z), in units of their width.
+    // [n, 3]: the place (x, y, z) of each node, in widths of the node.
     Sized<const int32_t, 2, 3> cells;
     // The eye (x, y, z), in voxel indices; infinitely far in parallel projections.
     double eye[3];
     // The number of voxels of the volume along x, y, z.
     int64_t shape[3];
-    // [n]: the indices of the nodes, sorted.
+    // [n]: the indices of the nodes, from back to front.
     Array<uint32_t, 1> order;
 };
 KERNEL(box_order, BoxOrder)
