@@ -185,7 +185,8 @@ class Header:
     """
 
     def __init__(self, text: str) -> None:
-        self._texts: dict[str, tuple[list[str], list[str]]] = {}  # for each struct, the lines of its comment and of its body
+        # For each struct, the lines of its comment and of its body.
+        self._texts: dict[str, tuple[list[str], list[str]]] = {}
         self.arguments: dict[str, str] = {}
         long_kernels = set()
         comment: list[str] = []
