@@ -254,7 +254,8 @@ class Classifier(NamedTuple):
     is_opacity: bool
     # The light on voxels, by which colours are multiplied; None without shading.
     lighting: VoxelLighting | None
-    # The scalars at which visibility changes (renderer/transfer/transfer_function.py).
+    # The scalars, ascending, at which the transfer function changes between invisible and visible
+    # (renderer/transfer/transfer_function.py).
     breakpoints: NDArray[np.float64]
     # [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     colors: NDArray[np.uint8] | None
@@ -401,7 +402,8 @@ class RaySetup(NamedTuple):
     # [3, 3]: the matrix to directions of rays, in index units per model unit of depth in perspective, and per model
     # unit of length otherwise.
     directions: NDArray[np.float64]
-    # A ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
+    # The slope of a ray per pixel of distance from the image's centre: at (x, y), a ray's length per unit of depth is
+    # `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     slope_per_px: float
     # The distance from the origin at which rays start, on the near plane, in model units along the direction.
     start: float
@@ -435,5 +437,5 @@ class MaskGrid(NamedTuple):
     # [z, y, x]: for each voxel of the mask, nine bits, x fastest: which of the 3 x 3 voxels around it in its xy plane
     # are inside the mask. Beyond the border, the nearest voxels are repeated.
     planes: NDArray[np.uint16]
-    # [3, 4]: the transformation from the index space of another volume to that of the mask.
+    # [3, 4]: the transformation from the index space of another volume to the index space of the mask.
     from_index: NDArray[np.float64]

@@ -36,7 +36,7 @@ class ThreadPool:
         self.release()
 
     def release(self) -> None:
-        """End the threads. Items that no thread has started are dropped: some may be left after an interrupt."""
+        """End the threads. Items that no thread has started, which an interrupt may leave behind, are dropped."""
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 

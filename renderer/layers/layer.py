@@ -143,7 +143,7 @@ def make_layer(
     if (labels := spec.transfer_function.labels) is not None:
         volume = number_labels(volume, labels.values)
     if volume.mask is not None and (scene.mode.is_projection or scene.needs_opengl):
-        volume = leave_out_masked(volume)  # projections and splats handle absent voxels, but no masks
+        volume = leave_out_masked(volume)  # projections and splats can leave out absent voxels, but apply no masks
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics
     light_grid = NO_LIGHT_GRID

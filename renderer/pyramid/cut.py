@@ -64,12 +64,12 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
 
 
 def root_error(pyramid: Pyramid) -> float:
-    """Return the error of the whole volume as one cell: a cut at any larger tolerance is a single cell."""
+    """Return the error of drawing the whole volume as one cell. A cut at any larger tolerance is a single cell."""
     return float(node_errors(pyramid, *root_cells(pyramid), pyramid.num_levels).max(initial=0.0))
 
 
 def root_cells(pyramid: Pyramid) -> tuple[Int64, Int32]:
-    """Return the index of the root and its cell, [1] and [1, 3]; empty arrays if nothing is visible."""
+    """Return the index and the place of the octree's root, [1] and [1, 3]; empty arrays if nothing is visible."""
     num = len(pyramid.levels[-1].errors)
     return np.arange(num), np.zeros((num, 3), np.int32)
 

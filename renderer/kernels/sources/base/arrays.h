@@ -116,8 +116,8 @@ INLINE Status with_array(const AnyArray<DIMENSIONS>& any, Function function) {
 extern "C" void* calloc(__SIZE_TYPE__ num, __SIZE_TYPE__ size) noexcept;
 extern "C" void free(void* memory) noexcept;
 
-// A buffer of zeros, aligned, which is freed at the end of the block. It is false if there is no memory for it: then
-// the kernel returns NO_MEMORY.
+// An aligned buffer of zeros, which is freed at the end of the block. As a bool, a buffer is false if there was no
+// memory for it; the kernel then returns NO_MEMORY.
 template <class T>
 struct Buffer : Array<T, 1> {
     void* memory;

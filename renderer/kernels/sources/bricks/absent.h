@@ -17,7 +17,7 @@ using Eight = Vector<double, 8>;
 // to 26, x is fastest.
 template <class Load>
 INLINE Eight means_of_nearest(const Load& cells_at) {
-    constexpr double scale = 16;  // means of up to twelve numbers do not overflow
+    constexpr double scale = 16;  // with this divisor, sums of up to twelve numbers do not overflow
     Eight means = in_all<Eight>(__builtin_nan(""));
 #pragma clang loop unroll(full)
     for (int distance = 3; distance > 0; distance--) {  // the squared distance; the nearest ones come last

@@ -54,7 +54,8 @@ struct Border {
 
 }  // namespace
 
-// Turn texels that hold means of cells into texels of the field.
+// Turn texels that hold means of cells into texels that hold the field at the cells' centres, also beyond the volume's
+// border.
 Status extrapolate_border(const ExtrapolateBorder* arguments) {
     const auto& [cells, extents, brightest, texels] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;

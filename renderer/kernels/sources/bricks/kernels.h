@@ -19,7 +19,8 @@ struct MeasureVoxelBricks {
     Voxels voxels;
     // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
     EACH_CALL Array<const int32_t, 2> cells;
-    // The scalars at which visibility changes (renderer/transfer/transfer_function.py).
+    // The scalars, ascending, at which the transfer function changes between invisible and visible
+    // (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
     // The channels w whose variation is measured, as a function of the scalar.
     TransferTable curve;
@@ -105,7 +106,7 @@ struct ExtrapolateBorder {
     double extents[3];
     // The largest ratio of a mean of tau c to a mean of tau; colours are clamped to it.
     double brightest;
-    // [n, 18, 18, 18, 4]: the means of cells, which are turned into texels of the field.
+    // [n, 18, 18, 18, 4]: the means of cells, which are turned into values of the field at the cells' centres.
     Array<float, 5> texels;
 };
 KERNEL(extrapolate_border, ExtrapolateBorder)

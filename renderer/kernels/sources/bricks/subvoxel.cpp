@@ -125,7 +125,8 @@ struct DualCells {
     double size() const { return (double)(nums[0] * nums[1] * nums[2]); }
 };
 
-// Turn scalars at voxel centres, in `low`, into the ranges of dual cells. NaN have no effect, as in `range_of`.
+// Turn scalars at voxel centres, in `cells.low`, into the smallest and largest scalar of each dual cell. NaN have no
+// effect.
 void to_ranges(const DualCells& cells) {
     auto [low, high, nums] = cells;
     for (int64_t z = 0; z < nums[0] + 2; z++)

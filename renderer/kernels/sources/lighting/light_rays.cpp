@@ -94,8 +94,8 @@ Status transmit(const Transmit* arguments) {
     if (!fits) return OUT_OF_BOUNDS;
     auto is_inside = [&](int axis, float place) { return 0.5f <= place && place <= end[axis]; };
     int64_t num = out.shape[1];
-    // Arrays for a row of cells, in whole vectors: the largest depth of each cell and its neighbours, the depth of a
-    // ray, and the sum of transmissions.
+    // Arrays for a row of cells, with room for whole vectors: for each cell, the largest optical depth of the cell and
+    // its neighbours, the optical depth of a ray so far, and the sum of the transmissions of rays.
     Buffer<float> deepest(num + 2), ray_depths(num + LANES), totals(num + 2 + LANES);
     Buffer<int64_t> starts(num);  // the first cell of each vector of cells; something is visible near this cell
     if (!deepest || !ray_depths || !totals || !starts) return NO_MEMORY;

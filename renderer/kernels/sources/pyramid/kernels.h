@@ -39,7 +39,8 @@ struct BuildBlocks {
     Maybe<Classifier> error_classifier;
     // [2]: an offset and a scale of the scalars that errors are measured on; None if errors are measured on channels.
     Maybe<Array<const double, 1>> normalization;
-    // The variances below which nodes of level 2, and of level 3, are leaves in every cut.
+    // The limits of the variance for nodes of level 2, and of level 3: a node below the limit is drawn as one cell at
+    // every tolerance, and the nodes inside it are not stored.
     double leaf_variance_limits[2];
     // [z, y, x]: whether each cell of `occupied_level` holds a visible node. The array is updated.
     Array<bool, 3> occupied;
@@ -83,7 +84,7 @@ struct AverageCells {
     Classifier classifier;
     // The level of the cells: 0, 1 or 2.
     int64_t level;
-    // [n, 3]: the first cell of each brick (x, y, z), which may lie beyond the border.
+    // [n, 3]: the place (x, y, z) of the lowest cell of each brick, in widths of a cell. It may lie beyond the border.
     Array<const int64_t, 2> corners;
     // [n, z, y, x, 4]: the means of the cells; the caller must zero the array.
     Array<float, 5> means;

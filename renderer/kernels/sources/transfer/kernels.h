@@ -65,7 +65,8 @@ struct Classifier {
     bool is_opacity;
     // The light on voxels, by which colours are multiplied; None without shading.
     Maybe<VoxelLighting> lighting;
-    // The scalars at which visibility changes (renderer/transfer/transfer_function.py).
+    // The scalars, ascending, at which the transfer function changes between invisible and visible
+    // (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
     // [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     Maybe<Sized<const uint8_t, 4, 3>> colors;

@@ -45,7 +45,7 @@ struct Surroundings {
     // Return the mean term of the nearest of the 26 neighbours inside the volume that have data; NaN if none has.
     double nearest_term(Cell voxel, int axis, double scale) const {
         auto [x, y, z] = voxel;
-        int64_t nearest = 4;  // the squared distance
+        int64_t nearest = 4;  // the squared distance of the nearest voxels so far; no neighbour is as far as 4
         double total = 0.0, num = 0.0;
         for (int64_t k = most<int64_t>(z - 1, 0); k < least(z + 2, size.z); k++)
             for (int64_t j = most<int64_t>(y - 1, 0); j < least(y + 2, size.y); j++)

@@ -43,13 +43,15 @@ void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out)
 // no value has a meaning.
 int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners);
 
-// Write the scaled central differences along x, y, z at the corners of a cell, of which `absent` have no data.
+// Write the scaled central differences of the voxels along x, y, z at the corners of a cell. absent: the corners
+// without data, one bit for each, x fastest.
 //
-// They are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
+// Differences are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
 void load_differences(const AnyArray<3>& values, Cell cell, int absent, double scale, double (*corners)[8]);
 
-// Return the range of the voxels around a macrocell, from cell MACROCELL_SIZE * macrocell - 1 on; empty if no voxel has
-// data. If any voxel has no data, its neighbours count, too.
+// Return the range of the values of the voxels at the corners of a macrocell's cells, the first of which is the cell
+// MACROCELL_SIZE * macrocell - 1. The range is empty if no voxel has data. If any voxel has no data, the voxels around
+// the macrocell count, too, because the field takes their mean.
 Range macrocell_range(const AnyArray<3>& values, Cell macrocell);
 
 // Return whether the voxel nearest to entry + extent * t, in cell coordinates, has no data.

@@ -63,7 +63,7 @@ struct Piece {
         };
     }
 
-    // Return the largest Bernstein coefficient of the optical depth, which bounds it from above.
+    // Return an upper bound of the optical depth: the largest Bernstein coefficient of its cubic.
     INLINE double depth_bound() const {
         auto [t0, t1, t2, t3] = tau;
         return most(most(most(t0, t0 + t1 / 3.0), t0 + (2.0 * t1 + t2) / 3.0), t0 + t1 + t2 + t3);
@@ -119,7 +119,7 @@ struct LayerRay : LayerOptics {
     int64_t num_begun;
     // The walk from cell to cell along the part of the ray that was begun last.
     CellWalk walk;
-    // The light on the segment; without a meaning for a layer without a light.
+    // The light on the segment; unset if the layer has no light.
     Light light;
     // The part of the ray inside the cell at which the ray stands.
     Segment segment;
@@ -255,7 +255,7 @@ struct LayerRay : LayerOptics {
         cubic = cubic_in_cell(corners, entry, extent);
         if (colors.exists) {
             load_channels(corners);
-            num_splits = absent = 0;  // a voxel without data has no extinction, but no edge
+            num_splits = absent = 0;  // voxels without data have no extinction here, but no sharp edge
             return true;
         }
         num_splits = is_mixed ? labels.load(values, segment, splits) : add_crossings(cubic, intervals.knots, splits, 0);

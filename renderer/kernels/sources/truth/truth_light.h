@@ -31,7 +31,8 @@ struct Light {
     // The clipped sets whose cut faces are lit by their own normals.
     Array<const RemovedSet, 1> removed = {};
 
-    // direction: the direction of the ray in index space, of length 1 in the world.
+    // Find the directions to the light and to the viewer for a ray. direction: the direction of the ray in index space,
+    // of length 1 in the world.
     INLINE Light(const RayShading& spec, Point direction) : shading(&spec), light(point_of(spec.light)) {
         if (shading->is_plain) return;
         auto towards = [&](int row) { return -dot(point_of(&shading->world_from_index[3 * row]), direction); };
@@ -42,7 +43,8 @@ struct Light {
         halfway *= length > 0.0 ? 1.0 / length : 0.0;
     }
 
-    // Return the share of the light that arrives at t along the segment, by one of the grids.
+    // Return the share of the light that arrives at t along the segment. grid: the grid for occlusion or for shadow.
+    // strength: how much of the grid's factors applies, from 0 to 1.
     double arriving(const Array<const float, 3>& grid, double strength, double t) const {
         if (grid.size() == 0) return 1.0;
         double place[3], mean = 0.0;

@@ -62,8 +62,9 @@ Status depth_order(const DepthOrder* arguments) {
 // Sort nodes of the octree back to front, as boxes (Laur and Hanrahan 1991).
 //
 // A child of a node may hide another child only if fewer of the node's three splitting planes lie between it and the
-// eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's first. It is a sum over the axes, so that
-// three tables by coordinate give every key. The digits of splitting planes inside the cell are cleared.
+// eye. The number of these planes, 0 to 3, is one base-4 digit of a cell's key, with a digit for each node around the
+// cell; the root's digit comes first. Cells are sorted by descending key. A key is a sum over the three axes, so that
+// one table for each axis gives every key. The digits of splitting planes inside the cell are cleared.
 Status box_order(const BoxOrder* arguments) {
     const auto [levels, cells, eye, shape, order] = *arguments;
     const int64_t num = order.shape[0];

@@ -24,7 +24,8 @@ struct RaySetup {
     // [3, 3]: the matrix to directions of rays, in index units per model unit of depth in perspective, and per model
     // unit of length otherwise.
     double directions[9];
-    // A ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
+    // The slope of a ray per pixel of distance from the image's centre: at (x, y), a ray's length per unit of depth is
+    // `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     double slope_per_px;
     // The distance from the origin at which rays start, on the near plane, in model units along the direction.
     double start;

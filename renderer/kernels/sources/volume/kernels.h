@@ -7,7 +7,7 @@ struct MaskGrid {
     // [z, y, x]: for each voxel of the mask, nine bits, x fastest: which of the 3 x 3 voxels around it in its xy plane
     // are inside the mask. Beyond the border, the nearest voxels are repeated.
     Array<const uint16_t, 3> planes;
-    // [3, 4]: the transformation from the index space of another volume to that of the mask.
+    // [3, 4]: the transformation from the index space of another volume to the index space of the mask.
     double from_index[12];
 };
 

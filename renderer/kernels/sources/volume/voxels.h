@@ -5,9 +5,9 @@
 
 // A box of voxels.
 struct VoxelBox {
-    // The first voxel (x, y, z).
+    // The place (x, y, z) of the first voxel of the box.
     int64_t first[3];
-    // The number of voxels along x, y, z.
+    // The number of voxels of the box along x, y, z.
     int64_t extent[3];
 };
 
