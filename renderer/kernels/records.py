@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 class Voxels(NamedTuple):
     """The voxels of a volume, from which kernels make bricks."""
 
-    # [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    # [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    # renderer/transfer/classify.py).
     raw: NDArray[Any]
     # [patterns]: the scalar of each bit pattern; None if the voxels themselves are scalars.
     scalars: NDArray[np.float64] | None

@@ -11,7 +11,7 @@ from renderer.transfer import TransferFunction
 
 
 class Extremum(Projection):
-    """A projection of the largest or the smallest scalar of each ray, or of the depth at which the ray has the largest.
+    """A projection of the extreme scalar of each ray, the largest or the smallest one, or of the largest one's depth.
 
     Rays gather two numbers. The first is the position of the extreme scalar in the colour range, from 0 for the least
     extreme end, which shows nothing, to 1 for the most extreme end. The second is its nearness to the eye, from 0 at

@@ -4,7 +4,8 @@
 
 // The voxels of a volume, from which kernels make bricks.
 struct Voxels {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
     // [patterns]: the scalar of each bit pattern; None if the voxels themselves are scalars.
     Maybe<Array<const double, 1>> scalars;

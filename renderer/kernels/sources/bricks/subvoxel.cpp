@@ -251,8 +251,8 @@ Variation variation(const DualCells& cells, const Curve& curve) {
             __builtin_sqrt(total_difference / cells.size())};
 }
 
-// Add the steps between shown voxels and nothing to a variation. is_shown: tells whether the voxel at a corner of a
-// dual cell is shown.
+// Add the steps between shown voxels and hidden or missing ones to the variation of a brick. is_shown(z, y, x): tells
+// whether a voxel at a corner of dual cells is shown.
 template <class IsShown>
 Variation with_edges(const Variation& found, const DualCells& cells, const Curve& curve, const IsShown& is_shown) {
     double largest = squared(found.largest), total = 0;

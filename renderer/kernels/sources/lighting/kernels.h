@@ -4,7 +4,8 @@
 
 // Average the optical depths of voxels over a slab of cells.
 struct AverageVoxels {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
     // [patterns]: the optical depth of each bit pattern of a voxel; None if `curve` is given.
     Maybe<Array<const float, 1>> by_pattern;

@@ -30,7 +30,8 @@ struct VisibleNodes {
 
 // Build the nodes of blocks of 8^3 voxels: levels 1 to 3 of the pyramid.
 struct BuildBlocks {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
     // The classifier of the channels whose means are stored.
     Classifier classifier;
@@ -78,7 +79,8 @@ KERNEL(merge_tier, MergeTier)
 
 // Average voxels over cells of level 0, 1 or 2.
 struct AverageCells {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
     // The classifier of the channels that are averaged.
     Classifier classifier;
@@ -121,7 +123,8 @@ KERNEL(list_children, ListChildren)
 
 // Count the visible voxels in cells of level 1, and list them.
 struct FindVoxels {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
     // The classifier of the channels (tau c, tau), by which voxels are visible.
     Classifier classifier;

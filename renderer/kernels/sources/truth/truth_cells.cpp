@@ -58,7 +58,8 @@ struct Surroundings {
         return total / num;
     }
 
-    // Return the term of the voxel at a corner or, if it has no data, the mean term of the nearest voxels.
+    // Return the term of the voxel at a corner of the cell or, if the voxel has no data, the mean term of the nearest
+    // voxels with data. k: the number of the corner, x fastest. absent: the corners without data, one bit for each.
     INLINE double corner_term(int k, int absent, int axis, double scale) const {
         Cell at = cell + Cell{k & 1, k >> 1 & 1, k >> 2};
         for (int j = 0; j < 3; j++) at[j] = least(most<int64_t>(at[j], 0), size[j] - 1);
