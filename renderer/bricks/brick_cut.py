@@ -26,7 +26,8 @@ from renderer.pyramid import CutSizes, subdivide
 from renderer.scene import MIN_TOLERANCE
 from renderer.volume import Bools, Float64, Int32, Int64, UInt8, Volume
 
-# A test of bounds, float64 [n, 2, 3] as in BrickCut. It returns bool [n].
+# The type of a function that tests bricks by their visible bounds, float64 [n, 2, 3] as in BrickCut, and returns
+# bool [n].
 BoundsTest = Callable[[Float64], Bools]
 
 
@@ -34,11 +35,11 @@ BoundsTest = Callable[[Float64], Bools]
 class BrickCut:
     """A cut of bricks, coarse levels first, in Morton order within a level. The index of a brick is its id.
 
-    levels: uint8 [n], the level of the brick's cells.
-    cells: int32 [n, 3], the place (x, y, z) of the brick, in widths of a brick, BRICK_SIZE << level voxels.
-    visible_bounds: float64 [n, 2, 3], the lowest and the highest corner (x, y, z) of the box around all that may be
-        visible in the brick, in index coordinates.
-    step_errors: float64 [n], as in BrickLevel.
+    levels: uint8 [n], the level of the cells of each brick.
+    cells: int32 [n, 3], the place (x, y, z) of each brick, in widths of a brick, BRICK_SIZE << level voxels.
+    visible_bounds: float64 [n, 2, 3], the lowest and the highest corner (x, y, z) of the box around everything that may
+        be visible in each brick, in index coordinates.
+    step_errors: float64 [n], the error of cells twice as large as the cells of each brick, as in BrickLevel.
     volume: the volume that was cut.
     """
 
@@ -57,8 +58,8 @@ def cut_bricks(
 ) -> BrickCut:
     """Return the coarsest bricks whose errors are below `tolerance` (in the measure's unit), none below `finest_level`.
 
-    Bricks in which nothing is visible at their level are left out. are_split: a test of the bricks that are drawn as
-    voxels at any tolerance; None for none.
+    Bricks in which nothing is visible at their level are left out. are_split: tells which bricks are split down to
+    voxels at every tolerance; None for no bricks.
     """
     cells, leaves = np.zeros((1, 3), np.int32), []
     for number in range(len(bricks.levels) - 1, -1, -1):
@@ -89,7 +90,8 @@ def brick_cut_sizes(
 ) -> CutSizes:
     """Return the sizes of all cuts, for the bricks of several groups together.
 
-    An entry of `counts` is the largest size of its cut and of all coarser cuts, as sizes may fall a little.
+    Sizes may fall a little as cuts get finer. An entry of `counts` is therefore the largest size of its cut and of all
+    coarser cuts.
 
     finest_levels, finest_levels_at_zero: the finest level of the cells of each group that are drawn at tolerances above
         0, and at 0.
@@ -103,7 +105,10 @@ def brick_cut_sizes(
 
 
 def _count_at_thresholds(bricks: Sequence[Bricks | BrickLayers], finest_levels: Sequence[int]) -> tuple[Float64, Int64]:
-    """Return CutSizes.split_thresholds, float64 [n], thresholds of 0 included, and CutSizes.counts, int64 [n + 1]."""
+    """Return the thresholds at which the number of bricks changes, and the numbers of bricks, as in CutSizes.
+
+    Returns float64 [n], which may include a threshold of 0, and int64 [n + 1].
+    """
     found = [_visible_thresholds(*each) for each in zip(bricks, finest_levels, strict=True)]
     begin, end = (np.sort(np.concatenate(each)) for each in zip(*found, strict=True))
     steps = np.sort(np.concatenate([begin, end]))[::-1]

@@ -19,7 +19,7 @@ from renderer.volume import Volume
 
 @dataclass(frozen=True)
 class BrickLayer:
-    """A layer as bricks, with its shading, and its weight, a factor on extinction."""
+    """A layer as bricks, with its shading. weight: the factor on the layer's extinction."""
 
     bricks: Bricks
     shading: ShadingSpec | None = None
@@ -29,7 +29,7 @@ class BrickLayer:
     def lights_faces(self) -> bool:
         """Return whether the faces that clipping cuts are lit by their own normals.
 
-        The faces of voxels that are colours are not, as such voxels are lit before they are interpolated.
+        If voxels are colours, faces have no light of their own: such voxels are lit before they are interpolated.
         """
         return self.shading is not None and self.shading.cut_faces and self.bricks.volume.colors is None
 
@@ -48,12 +48,12 @@ class BrickLayers:
 
     @property
     def volume(self) -> Volume:
-        """Return one of the volumes on the grid."""
+        """Return the volume of the first layer. The volumes of all layers have the same grid."""
         return self.layers[0].bricks.volume
 
     @cached_property
     def levels(self) -> tuple[BrickLevel, ...]:
-        """Return the joined levels of all layers, as in Bricks."""
+        """Return the levels of bricks, from 0 on, in which the bricks of all layers are joined."""
         first = self.layers[0]
         if len(self.layers) == 1 and first.weight == 1.0:
             return first.bricks.levels

@@ -22,17 +22,23 @@ from renderer.pyramid import (
 from renderer.transfer import raw_voxels
 from renderer.volume import Array, Float32, Int32, Int64, Volume
 
-# The fewest bricks that are worth a thread of their own.
+# The smallest number of bricks whose means are worth a thread of their own.
 MIN_BRICKS_PER_THREAD = 8
 
 
 def means_of_bricks(pyramid: Pyramid, level: int, cells: Int32) -> Array:
-    """Return the means of bricks of a level above 0, stored or recomputed. See `recompute_means`."""
+    """Return the means of bricks of a level above 0 and their halos, stored or recomputed.
+
+    cells, and the means: as in `recompute_means`.
+    """
     return (recompute_means if level <= STREAMED_LEVELS else stored_means)(pyramid, level, cells)
 
 
 def stored_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
-    """Return the means of bricks of a level that the pyramid stores. See `recompute_means`."""
+    """Return the means of bricks of a level that the pyramid stores, and their halos.
+
+    cells, and the means: as in `recompute_means`.
+    """
     of_level = pyramid.levels[level - 1].means
     means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), of_level.dtype)
     for first, out in zip(BRICK_SIZE * cells - HALO, means, strict=True):
@@ -51,7 +57,7 @@ def stored_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
 def color_texels(pyramid: Pyramid, cells: Int32) -> Float32:
     """Return (tau c, tau) times the finest spacing, for the voxels of bricks and their halos.
 
-    They are float32 [n, 18, 18, 18, 4]. Beyond the volume's border, the nearest voxel is repeated. cells: [n, 3], the
+    Returns float32 [n, 18, 18, 18, 4]. Beyond the volume's border, the nearest voxel is repeated. cells: [n, 3], the
     places (x, y, z) of bricks. Raises InputError if the volume's file was changed.
     """
     volume, corners = pyramid.volume, BRICK_SIZE * cells.astype(np.int64) - HALO
@@ -67,8 +73,8 @@ def color_texels(pyramid: Pyramid, cells: Int32) -> Float32:
 def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     """Return the means of bricks of level 1 or 2 and their halos, as a pyramid would store them.
 
-    They are float16 or float32 [n, 18, 18, 18, 4], and 0 where nothing is visible. cells: [n, 3], the places (x, y, z)
-    of bricks. Raises InputError if the volume's file was changed.
+    Returns float16 or float32 [n, 18, 18, 18, 4], with zeros where nothing is visible. cells: [n, 3], the places
+    (x, y, z) of bricks. Raises InputError if the volume's file was changed.
     """
     corners = BRICK_SIZE * cells.astype(np.int64) - HALO
     means = _average_cells(pyramid.volume, pyramid.mean_classifier, level, corners)
@@ -85,7 +91,8 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
 def _average_cells(volume: Volume, classifier: Classifier, level: int, corners: Int64) -> Float32:
     """Return the means of blocks of 18^3 cells of level 1 or 2, or of classified voxels for level 0.
 
-    They are float32 [n, 18, 18, 18, 4], and 0 beyond the border. corners: [n, 3], the lowest cells of the blocks.
+    Returns float32 [n, 18, 18, 18, 4], with zeros beyond the border. corners: [n, 3], the places (x, y, z) of the
+    lowest cells of the blocks.
     """
     means = np.zeros((len(corners), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     volume.require_unchanged()

@@ -39,18 +39,20 @@ from renderer.transfer import (
 )
 from renderer.volume import Bools, Float32, Float64, Volume, meet_mask, reduce_blocks
 
-# The number of bricks whose cells a ray meets. If 1 is assumed instead of 4, pictures of 42 and 45 dB take 1.2 times as
-# long (mean of 10 volumes), because cells then err more than steps; pictures of other accuracies, from 30 to 52 dB,
-# take as long.
+# The number of bricks that a ray is assumed to cross, from which the error of a ray is estimated. With 1 in place of 4,
+# pictures of 42 and 45 dB take 1.2 times as long (mean of 10 volumes), because cells then err more than steps; pictures
+# of other accuracies, from 30 to 52 dB, take as long.
 BRICKS_PER_RAY = 4
 # The ratio between the error of a ray and the error of one cell. Errors of cells are random, so that their sum grows
 # with the root of their number.
 RAY_ERROR_FACTOR = math.sqrt(BRICKS_PER_RAY * BRICK_SIZE)
 
-# The number of bricks of one task: enough to hide the time to start it, few enough that their nodes take little memory.
+# The number of bricks that one task measures: enough to hide the time to start the task, and few enough that the nodes
+# in these bricks take little memory.
 _BRICKS_PER_TASK = 128
-# The smallest range of texels, as a share of the range of the control values, or of the volume's range if all control
-# values are equal. In a smaller range, clamping to MAX_NORMALIZED_SCALAR would move scalars outside of it.
+# The smallest range of scalars to which texels are normalized, as a share of the range of the control values, or of the
+# volume's range if all control values are equal. In a smaller range, clamping normalized scalars to
+# MAX_NORMALIZED_SCALAR would change scalars outside of the range.
 _MIN_RANGE_SHARE = 1 / 64
 
 
@@ -59,18 +61,18 @@ class BrickLevel:
     """A level of bricks, including invisible bricks.
 
     visible_bounds: float32 [z, y, x, 2, 3], the lowest and the highest corner (x, y, z) of the box around all places in
-        the brick where the field, halo included, is not transparent. In cells from the brick's lowest corner, 0 to
-        BRICK_SIZE; at centres of cells (k + 1/2), or at faces of the brick or the volume. Both corners are equal if
-        nothing is visible.
+        the brick where the field, halo included, is not transparent. Corners are in cells from the brick's lowest
+        corner, 0 to BRICK_SIZE: at centres of cells (k + 1/2), or at faces of the brick or the volume. Both corners are
+        equal if nothing is visible.
     errors: float64 [z, y, x], the error that the brick may cause in a pixel, in the measure's unit. It is
         RAY_ERROR_FACTOR times the larger of two errors: the error of the worst node in the brick or its halo, and the
         error of the sub-voxel variation along a segment as long as such a node (kernel `subvoxel.cpp`). At level 0,
         which shows every voxel, it is 0.
     step_errors: float64 [z, y, x], the error of cells twice as large: the root mean square, over the brick's volume, of
         the errors of nodes one level *above*. Where it would be 0, it is the largest step error of the neighbouring
-        bricks, because they may be visible in the halo. At level 0, the squares of the sub-voxel variation along a
-        segment of that length are added. It is never less than the estimate from differences between voxels along that
-        segment.
+        bricks, because these bricks may be visible in the halo. At level 0, the square of the error of the sub-voxel
+        variation along a segment as long as such a cell is added to the mean square. The step error is never less than
+        the estimate from differences between voxels along that segment.
     """
 
     visible_bounds: Float32
@@ -95,7 +97,8 @@ class Bricks:
     scalar_range: the range to which texels of level 0 are normalized. It is the part of the volume's range in which the
         transfer function changes, or the whole range if it is constant.
     volume_range: the volume's smallest and largest scalar.
-    pieces: the transfer function by normalized scalars. light_grid: the light that reaches each place.
+    pieces: the transfer function as a table by normalized scalars.
+    light_grid: the light that reaches each place.
     are_cut: bool [z, y, x], whether a part of each brick of level 0 may be outside of the mask; None without a mask.
     """
 
@@ -163,7 +166,10 @@ def make_bricks(
 
 
 def _clear_masked(bounds: Float32, volume: Volume) -> Bools:
-    """Clear the visible bounds of bricks of level 0 outside of the volume's mask, and return Bricks.are_cut."""
+    """Clear the visible bounds of bricks of level 0 outside of the volume's mask, and return Bricks.are_cut.
+
+    bounds: float32 [z, y, x, 2, 3], as in BrickLevel.
+    """
     assert volume.mask is not None and volume.mask_grid is not None
     lows = BRICK_SIZE * grid_cells(bounds.shape[:3]).astype(np.float64) - 0.5
     are_met, are_inside = meet_mask(volume.mask.values, volume.mask_grid.from_index, lows, lows + BRICK_SIZE)
@@ -219,7 +225,7 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
 
     Bricks at the border count as whole bricks.
     """
-    largest = float(of_brick.max()) or 1.0  # errors are divided by it, as squares of scalars may overflow
+    largest = float(of_brick.max()) or 1.0  # squares of errors of scalars may overflow
     squares, nums = (reduce_blocks(np.add, each, 2) for each in ((of_brick / largest) ** 2, np.ones_like(of_brick)))
     return np.asarray(largest * np.sqrt(squares / nums))
 
@@ -276,7 +282,10 @@ def _measure_voxels(
 
 
 def _cell_error_scale(pyramid: Pyramid, number: int) -> float:
-    """Return the ratio between the error of a whole node of a level and the root of its variance."""
+    """Return the ratio between the error of a node that the border does not cut and the root of the node's variance.
+
+    number: the level of the node.
+    """
     return float(error_scale(pyramid.volume, pyramid.measure, 8.0**number))
 
 

@@ -21,10 +21,10 @@ from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ModeSpec
 from renderer.volume import Float64
 
-# The share of the tolerance by which a brick may change a pixel and still be passed over.
+# Rays pass over a brick that could change a pixel by no more than this share of the tolerance.
 SLACK_SHARE = 1 / 16
 
-# The number of bricks of one task.
+# The number of bricks whose scalar ranges one task measures.
 _BRICKS_PER_TASK = 256
 
 

@@ -12,7 +12,7 @@ from renderer.volume import Int32, Volume
 BRICK_LEVELS = 4
 # The number of cells along each side of a brick.
 BRICK_SIZE = 1 << BRICK_LEVELS
-# The width of the halo, in cells.
+# The width, in cells, of a brick's halo: the layer of neighbouring cells around the brick.
 HALO = 1
 # The number of cells along each side of a brick with its halo.
 PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO
@@ -25,7 +25,10 @@ def brick_grid_shape(volume: Volume, level: int) -> tuple[int, int, int]:
 
 
 def grid_cells(shape: tuple[int, ...]) -> Int32:
-    """Return all cells (x, y, z) of a grid [z, y, x], x fastest, int32 [n, 3]."""
+    """Return the places (x, y, z) of all cells of a grid, x fastest: int32 [n, 3].
+
+    shape: the number of cells along z, y, x.
+    """
     return np.ascontiguousarray(np.indices(shape, np.int32).reshape(3, -1)[::-1].T)
 
 

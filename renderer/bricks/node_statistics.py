@@ -1,6 +1,6 @@
 """Add up statistics of the nodes in bricks and around them: errors and visible bounds.
 
-They are all that is kept of nodes that are streamed and not stored: some hundred bytes for a brick of 16^3 nodes.
+Of nodes that are streamed and not stored, only these statistics are kept: some hundred bytes for a brick of 16^3 nodes.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ class NodeStatistics:
 
     max_error_by_neighbour: float64 [z, y, x, 3, 3, 3], for each brick and each neighbour at -1, 0 and 1 along z, y, x,
         the largest error of the brick's nodes in the neighbour's halo. The middle entry is for all nodes of the brick.
-    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the lowest cell (x, y, z) of the visible ones among these
-        nodes, and one above the highest cell; BRICK_SIZE and 0 if no node is visible.
+    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the bounds of those of these nodes that are visible: the lowest
+        place (x, y, z) in the brick, and one above the highest place; BRICK_SIZE and 0 if no node is visible.
     max_error_below: float64 [z, y, x], the largest error of the nodes in each brick of the level below, half as wide.
-    squared_errors_below: float64 [z, y, x], the sum of the squares of these errors divided by the largest one, weighted
-        by numbers of voxels.
+    squared_errors_below: float64 [z, y, x], for each brick of the level below, the sum of squared errors of its nodes,
+        weighted by their numbers of voxels, and divided by the square of the largest error.
     """
 
     volume: Volume
@@ -47,10 +47,10 @@ class NodeStatistics:
     def add(self, cells: Int32, sizes: Int64, errors: Float64, means: Array) -> None:
         """Add all nodes in some bricks of the level below.
 
-        cells: [n, 3], the places (x, y, z) of nodes. sizes: [n], their numbers of voxels. errors: [n], in the measure's
-        unit. means: [n, 4], as stored.
+        cells: [n, 3], the places (x, y, z) of nodes. sizes: [n], the numbers of voxels of the nodes. errors: [n], the
+        errors of the nodes, in the measure's unit. means: [n, 4], the means of the nodes as a pyramid stores them.
         """
-        # Numbers of float16 are compared with 0 by their bits, which are all 0 for 0.
+        # The bits of float16 numbers are compared with 0, which is faster: all bits of the number 0 are 0.
         depths = means[:, 3].view(np.uint16) if means.dtype == np.float16 else means[:, 3]
         kernels().add_nodes(
             cells=cells, sizes=sizes, errors=errors, is_visible=depths > 0,
@@ -66,7 +66,7 @@ class NodeStatistics:
         return largest
 
     def visible_bounds(self) -> Float32:
-        """Return BrickLevel.visible_bounds of this level: float32 [z, y, x, 2, 3]."""
+        """Return the visible bounds of the bricks of this level, as in BrickLevel: float32 [z, y, x, 2, 3]."""
         shape = self.max_error_by_neighbour.shape[:3]
         low, end = np.full((*shape, 3), BRICK_SIZE + 1), np.full((*shape, 3), -BRICK_SIZE)
         for at, neighbours in _neighbours(self.bounds_by_neighbour):
@@ -76,12 +76,15 @@ class NodeStatistics:
             np.minimum(low, of_neighbours[..., 0, :], out=low, where=is_visible)
             np.maximum(end, of_neighbours[..., 1, :], out=end, where=is_visible)
         extents = np.array(self.volume.shape_xyz) / 2.0**self.level - BRICK_SIZE * grid_cells(shape).reshape(*shape, 3)
-        # Cell k is visible from the centre of cell k - 1 to the centre of cell k + 1.
+        # By interpolation, cell k is visible from the centre of cell k - 1 to the centre of cell k + 1.
         bounds = np.stack([np.maximum(low - 0.5, 0.0), np.minimum(end + 0.5, np.minimum(extents, BRICK_SIZE))], axis=3)
         return np.where((low < end)[..., None, :], bounds, 0.0).astype(np.float32)
 
     def step_errors_below(self) -> Float64:
-        """Return BrickLevel.step_errors of the level below, from nodes alone: float64 [z, y, x]."""
+        """Return the step errors of the bricks of the level below, as in BrickLevel: float64 [z, y, x].
+
+        Sub-voxel variation is left out.
+        """
         shape = self.max_error_below.shape
         sizes = cell_voxel_counts(grid_cells(shape), self.level - 1 + BRICK_LEVELS, self.volume).reshape(shape)
         return or_of_neighbours(self.max_error_below * np.sqrt(self.squared_errors_below / sizes))
@@ -96,9 +99,10 @@ def or_of_neighbours(errors: Float64) -> Float64:
 
 
 def _neighbours(of_brick: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
-    """Yield, for each neighbour at -1, 0 and 1 along z, y, x, its index from 0 to 2 and its value for every brick.
+    """Yield, for each place at -1, 0 and 1 along z, y, x beside a brick, the place and the values of the bricks there.
 
-    of_brick: [z, y, x, ...], a value of each brick. Values are 0 beyond the border.
+    A place is given as three indices from 0 to 2. Values are 0 beyond the border. of_brick: [z, y, x, ...], a value of
+    each brick.
     """
     shape = of_brick.shape[:3]
     padded = np.pad(of_brick, [(1, 1)] * 3 + [(0, 0)] * (of_brick.ndim - 3))

@@ -13,12 +13,12 @@ from renderer.kernels import TransferTable
 from renderer.transfer import LARGEST_EXPONENT, TransferFunction, make_transfer_table
 from renderer.volume import Float64, Int64
 
-# The largest distance of a control value from the line through its neighbours, as a share of the largest channel, at
-# which it is left out: colormaps have hundreds of control values, nearly on a line. The variation D of the kernel
-# changes by at most four times as much.
+# A control value is left out if its channels are at most this far from the line through its neighbours, as a share of
+# the largest channel: colormaps have hundreds of control values, nearly on a line. The kernel's sub-voxel variation D
+# changes by at most four times this share.
 SIMPLIFICATION_TOLERANCE = 2.0**-12
-# The most control values of a curve that is simplified. Only labels have more: their steps are not on a line, and the
-# search would take a minute.
+# Curves with more control values than this are not simplified. Only labels have so many: their steps are not on a line,
+# and the search would take a minute.
 _MAX_SIMPLIFIED = 2**13
 
 
@@ -31,7 +31,7 @@ def make_channel_curve(
 ) -> TransferTable:
     """Return the simplified table of (tau c, tau) times the finest spacing.
 
-    opacity: whether the table is of (a c, a), with the opacities a of these depths. brightest: a factor on colours.
+    opacity: whether the table is of (a c, a) instead, with the opacity a. brightest: a factor on colours.
     volume_range: the range of the volume's scalars. The table's scale makes all differences of scalars finite.
     """
     weights = transfer.extinctions * finest_spacing
@@ -65,7 +65,7 @@ def make_scalar_curve(volume_range: tuple[float, float]) -> TransferTable:
 
 
 def _simplify(values: Float64, points: Float64, tolerance: float) -> Int64:
-    """Return the indices of points whose connecting lines are within the tolerance of all other points: int64 [m].
+    """Return the indices of points whose connecting lines pass all other points within a tolerance: int64 [m].
 
     The algorithm of Douglas and Peucker 1973, along the axis of values, takes the farthest point first.
     """

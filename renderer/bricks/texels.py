@@ -5,15 +5,16 @@ there are no cells, and the field is continued in one of two ways.
 
 At level 0, scalars are continued by the nearest voxel, as in the truth, also beside voxels without data (kernel
 `absent.h`). Means of higher levels are not values at a point. The border may cut the last cell to the share w of its
-width; its mean belongs to the middle of this remainder. The field is continued by the line through that point and the
-centre of the cell before,
+width; the cell's mean then belongs to the middle of this share. The field is continued by the line through that point
+and the centre of the cell before,
 
     slope = (last - before) 2 / (1 + w)        at the last centre: last + slope (1 - w) / 2        beyond: + slope
 
 along each axis in turn. This reproduces linear fields, and constant fields exactly. The line is only used from the
 middle of the last cell to the volume's face, half of the cell's width, so that an error of a mean becomes at most
-(1 + 2 w) / (1 + w) + w / (1 + w) <= 2 times as large per axis. With the nearest cell instead, the mean of a ramp would
-be wrong by half a cell's rise. The field is clamped to 0 and to the brightest colour of the transfer function.
+(1 + 2 w) / (1 + w) + w / (1 + w) <= 2 times as large per axis. If means were continued by the nearest cell, a ramp
+would be wrong by half of its rise over a cell. The field is clamped to 0 and to the brightest colour of the transfer
+function.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ from renderer.kernels import kernels
 from renderer.transfer import range_width
 from renderer.volume import Float32, Float64, Int32, Volume
 
-# The exponent of the largest power of two by which small scalars are multiplied.
+# The exponent of the largest power of two by which the differences of small scalars are multiplied.
 _LARGEST_EXPONENT = 1000
 
-# The direction to the light if normals of labels do not turn to one.
+# The direction to the light if the normals of labels do not turn towards a light.
 _NO_LIGHT = np.zeros(3)
 
 # The largest ratio of a mean of tau c to a mean of tau, for a colour of 1: both are rounded, to at least 11 bits.
@@ -68,7 +69,7 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool, toward_light: Floa
 
 
 def _opacities(bricks: Bricks) -> Float64:
-    """Return the opacity of a voxel of each label, by its number: float64 [n], or [0] for volumes of scalars."""
+    """Return the opacity of a voxel of each label, by the label's number: float64 [n], empty for volumes of scalars."""
     num = int(bricks.volume_range[1]) + 1 if bricks.volume.is_labels else 0
     return np.asarray(-np.expm1(-bricks.transfer.classify(np.arange(num))[1] * bricks.volume.finest_spacing))
 
@@ -105,5 +106,5 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32) -> Float32:
 
 
 def _unit_scale(low: float, high: float) -> float:
-    """Return a power of two that scales the width of a range to at most 1, and to about 1 unless it is tiny."""
+    """Return a power of two that scales the width of a range to at most 1, and to at least 1/2 unless it is tiny."""
     return math.ldexp(1.0, min(-1 - math.frexp(high / 2 - low / 2)[1], _LARGEST_EXPONENT))

@@ -8,7 +8,7 @@ Every array is checked: its dtype, its number of dimensions, that it is contiguo
 writes. ctypes releases the interpreter's lock.
 
 Long kernels stop when the process is asked to end, and then raise KeyboardInterrupt. Python handles signals in the main
-thread between two bytecodes, and a kernel has none: another thread runs the long kernels that the main thread calls.
+thread, and never inside a kernel: so another thread runs the long kernels that the main thread calls.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ from renderer.system import deferrable_interrupts, result_of, start_threads, sto
 if TYPE_CHECKING:
     from renderer.kernels import signatures
 
+# The exceptions that are raised for the statuses that kernels return (`Status` in arrays.h).
 _STATUS = {1: MemoryError, 2: IndexError}
-# The status of a long kernel that stopped because the process is asked to end.
+# The status that a long kernel returns if it stopped because the process was asked to end.
 STOPPED = 3
 
 
 class Kernel:
-    """A kernel as a function, whose keyword arguments are the members of the kernel's struct.
+    """A compiled kernel, called as a function. Its keyword arguments are the members of the kernel's struct.
 
     is_long: whether the kernel stops when the process is asked to end.
     """
@@ -51,16 +52,18 @@ class Kernel:
         self._layouts = {key: struct.Struct("=" + one.type.format) for key, one in arguments.members.items()}
 
     def __call__(self, **values: Any) -> None:
-        """Run the kernel. Raise MemoryError, or IndexError for shapes that do not fit together.
+        """Run the kernel.
 
-        Raises TypeError or ValueError for an argument that the kernel does not take, and KeyboardInterrupt, with the
-        number of the signal, if a long kernel was stopped.
+        Raises MemoryError without memory, IndexError for arrays whose shapes do not fit together, TypeError or
+        ValueError for an argument that the kernel does not take, and KeyboardInterrupt, with the number of the signal,
+        if a long kernel was stopped.
         """
         self.partial(**values)()
 
     def partial(self, **values: Any) -> Callable[..., None]:
-        """Return a function of the remaining arguments. The given ones are checked and converted once. Threads may
-        share it.
+        """Return a function that runs the kernel with the given arguments, and takes the remaining ones.
+
+        The given arguments are checked and converted once. Several threads may call the function at the same time.
         """
         given = bytearray(self._arguments.size)
         kept: list[Any] = []
@@ -82,14 +85,18 @@ class Kernel:
         return call
 
     def _run(self, block: bytes, kept: list[Any]) -> int:
-        """Run the kernel, and return its status. kept: objects that must live as long as it runs."""
+        """Run the kernel, and return its status.
+
+        block: the bytes of the kernel's struct. kept: the objects whose memory the struct points to. The caller holds
+        them, so that they live as long as the kernel runs.
+        """
         return int(self._function(block))
 
     def _run_beside(self, block: bytes, kept: list[Any]) -> int:
-        """Run the kernel on another thread, so that a signal comes to this one meanwhile.
+        """Run the kernel on another thread, so that this thread can handle a signal while the kernel runs.
 
-        A signal that comes before this thread has noted the other thread's work is held back until then: otherwise
-        nobody would wait for the kernel, and it would run to its end.
+        Signals are held back until `running`, by which this thread waits for the kernel, is set. Otherwise an exception
+        in between would leave a running kernel that nobody waits for.
         """
         running: Future[int] | None = None
         try:
@@ -118,7 +125,7 @@ class Kernel:
 
 
 class Kernels:
-    """The kernels of a library, as attributes."""
+    """A loaded library, with each of its kernels as an attribute."""
 
     def __init__(self, library: ctypes.CDLL, header: Header) -> None:
         self._library, self._header = library, header

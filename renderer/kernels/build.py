@@ -27,30 +27,33 @@ BUILT = SOURCES.parent / "built"
 # The file that lists the libraries: first a digest of the sources, then a line for each library, with its digest and
 # its name.
 MANIFEST = "libraries.txt"
-# For each kind of machine, its levels: the name of the processor, and the number of float32 lanes. Level 2 of x86-64
-# would gain nothing.
+# For each kind of machine, the levels of processors that libraries are compiled for. Each level has the compiler's name
+# of the processor, and the number of float32 lanes in a vector. Level 2 of x86-64 is left out: it is no faster than 1.
 LEVELS = {
     "x86_64": {1: ("x86_64", 4), 3: ("x86_64_v3", 8), 4: ("x86_64_v4", 16)},
     "aarch64": {0: ("generic", 4)},
 }
-# The sources that are compiled for each level. All others are compiled for the lowest level alone, because a higher
-# level gains nothing.
+# The sources that are compiled for each level, because they compute in vectors of lanes. All other sources are compiled
+# for the lowest level alone, because a higher level does not make them faster.
 _IN_LANES = ("draw/march.cpp", "draw/mixture.cpp", "draw/extremum.cpp", "lighting/light_rays.cpp")
-# The machines that libraries can be made for, with their names in zig. Linux needs glibc 2.17, of 2012, or newer.
+# The machines that libraries can be made for, each with its name in zig. On Linux, libraries need glibc 2.17 (of 2012)
+# or newer.
 TARGETS = {
     "linux-x86_64": "x86_64-linux-gnu.2.17",
     "linux-aarch64": "aarch64-linux-gnu.2.17",
     "macos-x86_64": "x86_64-macos.11.0",
     "macos-aarch64": "aarch64-macos.11.0",
 }
-# The flags of the compiler. Without contraction and fast mathematics, results have the same bytes at every level. zig
-# adds a sanitizer unless it is told not to. Without -g0, objects are ten times larger.
+# The flags of the compiler in every build. Without contraction and fast mathematics, results have the same bytes at
+# every level. Without -g0, objects are ten times larger.
 _FLAGS = (
     *("-c", "-x", "c++", "-std=c++20", "-O3", "-g0", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off"),
     *("-fno-math-errno", "-fno-trapping-math", "-fwrapv", "-fno-exceptions", "-fno-rtti", "-fno-stack-protector"),
     *("-nostdinc++", "-Wall", "-Wextra", "-Werror", "-Wno-psabi"),
 )
+# The further flags of a build without `--checked`: zig checks for undefined behaviour unless a flag turns this off.
 _UNCHECKED = ("-fno-sanitize=undefined",)
+# The further flags of a build with `--checked`, whose library ends the process at undefined behaviour.
 _CHECKED = ("-DCHECKED", "-fsanitize=undefined,float-cast-overflow", "-fno-sanitize=alignment", "-fsanitize-trap=all")
 
 
@@ -75,7 +78,10 @@ def this_target() -> str:
 
 
 def best_level(offered: int, target: str) -> int:
-    """Return the highest level of kernels that a processor can run. offered: the processor's level."""
+    """Return the highest level that kernels are compiled for on a target and that a processor can run.
+
+    offered: the level that the processor offers. target: one of TARGETS.
+    """
     return max(level for level in LEVELS[target.partition("-")[2]] if level <= offered)
 
 
@@ -103,7 +109,7 @@ def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bo
 
         def link(name: str, objects: list[Path]) -> Path:
             library = out / f"{name}.so"
-            # The file has another name until it is complete, because a running process keeps the library that it has
+            # The library is written under another name, and then renamed: a running process keeps the file that it has
             # loaded.
             unfinished = library.with_suffix(f".{os.getpid()}")
             _run(folder, *_linker(target, unfinished), *objects)
@@ -119,7 +125,7 @@ def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bo
         objects["processor"] = [pool.submit(compile_source, SOURCES / "base" / "processor.cc", lowest)]
         libraries = [link(name, [one.result() for one in made]) for name, made in objects.items()]
     for other in set(out.glob("*.so")).difference(libraries):
-        other.unlink()  # a library of other sources, as far as anyone knows
+        other.unlink()  # an older library: nothing says which sources it was built from
     _write_manifest(out)
     return libraries
 
@@ -156,7 +162,7 @@ def _write_manifest(out: Path) -> None:
 
 
 def main() -> None:
-    """Run the command line."""
+    """Build the libraries that the command line asks for, and print their sizes."""
     import argparse
     import ctypes
     import time
@@ -179,5 +185,5 @@ def main() -> None:
 if __name__ == "__main__":
     try:
         main()
-    except RuntimeError as error:  # the compiler's messages are enough
+    except RuntimeError as error:  # no traceback: the compiler's messages are enough
         sys.exit(str(error))

@@ -11,17 +11,18 @@ import numpy.typing as npt
 
 from renderer.kernels.binding import kernels
 
-# The number of regions that can be guarded at once.
+# The largest number of mapped regions of memory that can be guarded at the same time.
 _MOST = 64
 
 
 @cache
 def guarded_regions() -> npt.NDArray[np.int64]:
-    """Return the guarded regions, for the caller to fill in; none on systems without the handler.
+    """Return the table of guarded regions of memory, which the caller fills in; it is empty except on Linux.
 
-    Regions are int64 [n, 4]: the address of the first byte, and the address after the last byte, which is 0 for a free
-    region; both are on page borders. Then come the file's descriptor and its length. Set the second number last. The
-    array lives as long as the process.
+    A guarded region maps a file: reads beyond the end of the file give zeros there. The table is int64 [n, 4]. A row
+    has the address of the region's first byte, the address after its last byte (0 if the row is free), the file's
+    descriptor, and the file's length. Both addresses are on page borders. Set the second number last. The table lives
+    as long as the process.
     """
     regions = np.zeros((_MOST if sys.platform == "linux" else 0, 4), np.int64)
     if len(regions):

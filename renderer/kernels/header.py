@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# The dtypes of arrays. The number of a dtype in an AnyArray is its position here (`with_array` in arrays.h).
+# The dtypes that an array of any dtype may have. Kernels get the position of a dtype in this tuple (`with_array` in
+# arrays.h).
 DTYPES = tuple(np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"))
 
 # For each number type of C++, its letter in Python's `struct`, its dtype, and the type of Python that fills it.
@@ -38,10 +39,11 @@ _MAYBE = re.compile(r"Maybe<(.*)>")
 class Type:
     """The type of a member of a struct.
 
-    format: its layout in the language of Python's `struct`, one letter for each number or byte of padding.
-    annotation: the type of Python that fills it.
-    num_numbers: how many numbers it takes.
-    alignment: its alignment in bytes.
+    format: the member's layout in the language of Python's `struct`, one letter for each number or byte of padding.
+    annotation: the Python type of the values that fill the member.
+    size: the member's size in bytes.
+    num_numbers: how many numbers fill the member.
+    alignment: the member's alignment in bytes.
     """
 
     def __init__(self, format: str, annotation: str) -> None:
@@ -51,16 +53,19 @@ class Type:
         self.alignment = max(struct.calcsize("=" + number) for number in format)
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
-        """Append the numbers of a value, and append to `kept` the objects that must live as long as the numbers are
-        used.
+        """Append the numbers that stand for a value in the struct to `numbers`.
 
-        Raises TypeError or ValueError, which say what is wrong.
+        Objects whose memory the numbers point to are appended to `kept`: they must live as long as the numbers are
+        used. Raises TypeError or ValueError, which say what is wrong with the value.
         """
         numbers.append(value)
 
 
 class _Several(Type):
-    """Several numbers of one type. Integers are numbers of voxels or other sizes; floats are vectors or matrices."""
+    """The type of a member with a fixed number of values, such as `double x[3]`.
+
+    Integers are filled from a tuple, floats from an array: a vector or a matrix.
+    """
 
     def __init__(self, kind: str, count: int) -> None:
         one, self._dtype, annotation = _NUMBERS[kind]
@@ -75,10 +80,11 @@ class _Several(Type):
 
 
 class _Array(Type):
-    """An array of numbers.
+    """The type of a member that is an array of numbers: an address and a shape.
 
-    dtype: the dtype of the numbers; None if it may be any of DTYPES, whose number then follows the shape.
-    last: the last sizes of the shape, which are fixed.
+    dtype: the dtype of the numbers; None for an array of any dtype, whose position in DTYPES then follows the shape.
+    last: the last sizes of the shape, if they are fixed.
+    is_written: whether the kernel writes to the array.
     """
 
     def __init__(self, dtype: Any, dimensions: int, last: tuple[int, ...], *, is_written: bool) -> None:
@@ -105,7 +111,7 @@ class _Array(Type):
 
 
 class _Structs(Type):
-    """An array of structs, which is filled from a sequence of records."""
+    """The type of a member that is an array of structs, which is filled from a sequence of records."""
 
     def __init__(self, one: Type) -> None:
         super().__init__("qq", f"Sequence[{one.annotation}]")
@@ -120,7 +126,7 @@ class _Structs(Type):
 
 
 class _Maybe(Type):
-    """A type whose value may be None."""
+    """The type of a member that may be None: a flag, followed by the value."""
 
     def __init__(self, one: Type) -> None:
         super().__init__("?" + "x" * (one.alignment - 1) + one.format, f"{one.annotation} | None")
@@ -139,7 +145,7 @@ class Member(NamedTuple):
 
     offset: the offset in the struct, in bytes.
     comment: the lines of the comment above the member.
-    is_of_call: whether the member differs between calls that share other members.
+    is_of_call: whether the member is marked EACH_CALL: it is given anew in each call of what `Kernel.partial` returns.
     """
 
     type: Type
@@ -171,14 +177,16 @@ class Struct(Type):
 
 
 class Header:
-    """A table of the structs in the text of headers, each of which is laid out when it is first needed.
+    """A table of the structs in the text of headers. A struct is laid out when it is asked for.
 
-    names: the names of all structs, in their order. arguments: for each kernel, the name of the struct that it takes.
-    long_kernels: the kernels that stop when they are asked to.
+    names: the names of all structs, in their order.
+    arguments: for each kernel, the name of the struct that it takes.
+    long_kernels: the names of the kernels that stop when the process is asked to end.
     """
 
     def __init__(self, text: str) -> None:
-        self._texts: dict[str, tuple[list[str], list[str]]] = {}  # the lines of each struct's comment and body
+        # For each struct, the lines of its comment and of its body.
+        self._texts: dict[str, tuple[list[str], list[str]]] = {}
         self.arguments: dict[str, str] = {}
         long_kernels = set()
         comment: list[str] = []
@@ -240,5 +248,5 @@ def _comment_of(line: str) -> str:
 
 
 def read_headers(sources: Path) -> Header:
-    """Read the headers in all folders of the sources."""
+    """Read the headers `kernels.h` in all folders of the sources."""
     return Header("\n".join(path.read_text("ascii") for path in sorted(sources.glob("*/kernels.h"))))

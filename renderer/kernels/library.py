@@ -15,16 +15,18 @@ from pathlib import Path
 from renderer.errors import InputError, RenderError
 from renderer.kernels.build import BUILT, LEVELS, MANIFEST, best_level, sources_digest, this_target
 
-# The environment variable that asks for a lower level than the processor offers: for tests, and to compare machines.
+# The environment variable that asks for kernels of a lower level than the processor offers: for tests, and to compare
+# machines.
 LEVEL_VARIABLE = "HSPLAT_PROCESSOR_LEVEL"
 _ROOT = Path(__file__).resolve().parents[2]
 
 
 @cache
 def processor_level() -> int:
-    """Return the level of the kernels that this process uses: 1, 3 or 4 on x86-64, 0 on other machines.
+    """Return the level of the processors that this process's kernels are compiled for.
 
-    Raises InputError for a level in the environment that does not exist, RenderError without a library.
+    The level is 1, 3 or 4 on x86-64, and 0 on other machines. Raises InputError if the environment asks for a level
+    that the processor does not offer, and RenderError if the library that finds the level cannot be loaded.
     """
     offered = best_level(_load("processor").processor_level(), this_target())
     wanted = os.environ.get(LEVEL_VARIABLE, "")  # noqa: TID251  read once, before anything is drawn
@@ -42,7 +44,7 @@ def processor_level() -> int:
 
 
 def num_lanes() -> int:
-    """Return how many rays kernels march in step: 16, 8 or 4."""
+    """Return the number of rays that a kernel marches at the same time, one in each lane of a vector: 16, 8 or 4."""
     _, lanes = _levels()[processor_level()]
     return lanes
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 class Voxels(NamedTuple):
     """The voxels of a volume, from which kernels make bricks."""
 
-    # [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    # [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    # renderer/transfer/classify.py).
     raw: NDArray[Any]
     # [patterns]: the scalar of each bit pattern; None if the voxels themselves are scalars.
     scalars: NDArray[np.float64] | None
@@ -165,30 +166,30 @@ class SearchRules(NamedTuple):
 
 
 class VisibleNodes(NamedTuple):
-    """Room for the visible nodes of several groups: for each level, room for all groups; one level after the other.
+    """Arrays for the visible nodes of several groups. A group is 64 nodes, their 8 parents, and one root (nodes.cpp).
 
-    A level's visible nodes are at its beginning, in Morton order.
+    Arrays have room for all nodes of all groups: first the lowest level of every group, then the middle level, then the
+    roots. In the room of each level, its visible nodes come first, in Morton order.
     """
 
-    # [n, 4]: the means of the nodes' channels.
+    # [n, 4]: the means of the four channels of each node.
     means: NDArray[np.float32]
-    # [n]: the standard deviations of the nodes: the roots of their variances, summed over channels.
+    # [n]: the standard deviation of each node: the square root of the sum of its channels' variances.
     deviations: NDArray[np.float32]
-    # [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for the first level of
-    # blocks.
+    # [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for nodes of level 1, whose
+    # children are voxels.
     masks: NDArray[np.uint8]
-    # [n, 3]: the nodes (x, y, z); empty if not asked for.
+    # [n, 3]: the place (x, y, z) of each node, in widths of the node; empty if the caller needs no places.
     cells: NDArray[np.int32]
-    # [n]: the number of voxels of each node; empty if not asked for.
+    # [n]: the number of voxels of each node; empty if the caller needs no numbers.
     sizes: NDArray[np.int64]
-    # [3]: the number of visible nodes of each level.
+    # [3]: the number of visible nodes on each level of the groups.
     counts: NDArray[np.int64]
-    # [groups, 4]: the means of each group's root, visible or not.
+    # [groups, 4]: the means of the channels of each group's root, visible or not.
     root_means: NDArray[np.float32]
     # [groups, channels]: the means of each group's root, in the channels that errors are measured on.
     root_error_means: NDArray[np.float64]
-    # [groups, channels]: the variances of the root node of each group of nodes, in the channels that errors are
-    # measured on.
+    # [groups, channels]: the variances of each group's root, in the channels that errors are measured on.
     root_variances: NDArray[np.float64]
 
 
@@ -198,18 +199,18 @@ class TransferTable(NamedTuple):
     Two control points at one value are a step, whose value belongs to the upper side.
     """
 
-    # [n]: the control values, none smaller than the one before.
+    # [n]: the control values, ascending; equal ones are a step.
     values: NDArray[np.float64]
     # [n + 1, 10]: for each segment its start, its width, the channels [4] at the start, and their rise [4]. Segment k
     # holds the scalars from control value k - 1 to control value k; the first and the last segment are constant.
     # Starts and widths are multiplied by `scale`.
     rows: NDArray[np.float64]
-    # A power of two. Multiplied by it, differences of scalars are finite.
+    # A power of two by which scalars are multiplied, so that their differences are finite.
     scale: float
-    # [GUIDE_SIZE + 3]: for a scalar in bucket b, the number of control values at or below it is from guide[b] to
-    # guide[b + 3].
+    # [GUIDE_SIZE + 3]: a guide to the segments. The range of the control values is divided into GUIDE_SIZE equal
+    # buckets. For a scalar in bucket b, from guide[b] to guide[b + 3] control values are at or below the scalar.
     guide: NDArray[np.uint64]
-    # The number of buckets of the guide in a unit of the scaled scalar.
+    # The number of buckets of the guide per unit of a scalar multiplied by `scale`.
     buckets_per_unit: float
 
 
@@ -218,15 +219,17 @@ class LightGrid(NamedTuple):
     them.
     """
 
-    # [z + 2, y + 2, x + 2]: factors on the ambient light, in steps of 1 / 255; [0, 0, 0] if not asked for. A factor is
-    # 1 if neither the cell nor a neighbour shows anything.
+    # [z + 2, y + 2, x + 2]: factors on the ambient light, in steps of 1 / 255; [0, 0, 0] if the scene asks for no
+    # occlusion. A factor is 1 if neither the cell nor a neighbour shows anything.
     occlusion: NDArray[np.float32]
-    # [z + 2, y + 2, x + 2]: factors on the diffuse light, of the same kind.
+    # [z + 2, y + 2, x + 2]: factors on the diffuse light, in steps of 1 / 255; [0, 0, 0] if the scene asks for no
+    # shadows. A factor is 1 if neither the cell nor a neighbour shows anything.
     shadow: NDArray[np.float32]
-    # For each cell and each kind of factor asked for, two numbers: 255 times the factors at the cell and at its next
-    # neighbours, eight bytes, x before y before z. Two more numbers follow the last cell.
+    # For each cell and each kind of factor that the scene asks for, two numbers. Their eight bytes are 255 times the
+    # factors at the cell and at its next neighbours along x, y and z, x fastest. Two more numbers follow the last
+    # cell.
     corners: NDArray[np.int32]
-    # The width of a cell, in voxels. Cells begin at the corner of the first voxel.
+    # The width of a cell of the light grid, in voxels. Cells begin at the corner of the first voxel.
     cell_size: float
     # From 0 to 1: how much of the factors on the ambient light applies.
     occlusion_strength: float
@@ -254,11 +257,13 @@ class Classifier(NamedTuple):
     scalars: NDArray[np.float64] | None
     # The transfer function, with extinctions multiplied by the finest voxel spacing; None if `table` is used.
     curve: TransferTable | None
-    # Whether the channels are (a c, a), and not (tau c, tau).
+    # Whether the channels are (a c, a), with the opacity a and the colour c, and not (tau c, tau), with the extinction
+    # tau.
     is_opacity: bool
-    # The light on voxels; None without shading.
+    # The light on voxels, by which colours are multiplied; None without shading.
     lighting: VoxelLighting | None
-    # The scalars at which visibility changes (renderer/transfer/transfer_function.py).
+    # The scalars, ascending, at which the transfer function changes between invisible and visible
+    # (renderer/transfer/transfer_function.py).
     breakpoints: NDArray[np.float64]
     # [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     colors: NDArray[np.uint8] | None
@@ -275,9 +280,9 @@ class PiecewiseTransfer(NamedTuple):
     # numbers of a row at a time.
     rows: NDArray[np.float32]
     # [GUIDE_SIZE]: a scalar u >= b / GUIDE_SIZE lies in segment guide[b] or later. A scalar u < 0 lies in the first
-    # one.
+    # segment.
     guide: NDArray[np.int32]
-    # Nothing is visible below this u.
+    # The u below which no scalar is visible.
     lowest_visible: float
 
 
@@ -287,7 +292,7 @@ class Intervals(NamedTuple):
     # [n]: control values times `scale`, not descending. Interval k has knots[k - 1] <= value < knots[k]: the value of
     # a step belongs to its upper side.
     knots: NDArray[np.float64]
-    # [n + 1, 10]: for each interval base [4], slope [4], origin, and how many of the first k control points have
+    # [n + 1, 10]: for interval k its base [4], slope [4], origin, and how many of the first k control points have
     # extinction. The channels (r, g, b, extinction) of a value are base + slope * (value - origin).
     rows: NDArray[np.float64]
     # A factor on scalars and knots: a power of two with which sums and differences neither overflow nor vanish.
@@ -301,13 +306,17 @@ class RayShading(NamedTuple):
     is_plain: bool
     # Whether the light comes from the viewer.
     is_camera: bool
-    # Whether both sides of a surface are lit, as in ShadingSpec (renderer/scene/shading_section.py); the next five are
-    # as there, too.
+    # Whether both sides of a surface are lit, as in ShadingSpec (renderer/scene/shading_section.py).
     two_sided: bool
+    # The coefficient of the ambient light, which reaches every point from all sides.
     ambient: float
+    # The coefficient of the diffuse light, which is multiplied by the cosine between normal and light.
     diffuse: float
+    # The coefficient of the highlight, where a surface mirrors the light.
     specular: float
+    # The exponent of the highlight; a larger one makes highlights smaller.
     shininess: float
+    # The share of the light that a surface seen edge-on loses, as in ShadingSpec.
     silhouette: float
     # The distance from a cut face up to which points are lit by the face's normal, as a length in the world.
     face_depth: float
@@ -327,25 +336,25 @@ class RayShading(NamedTuple):
 class RemovedSet(NamedTuple):
     """A convex set that is clipped away: the points from `low` to `high` in the set's own axes, in world lengths.
 
-    A half-space is bounded along the first axis only; its other axes are 0.
+    A half-space is bounded along the first axis only; the rows of its other two axes are 0.
     """
 
     # [3, 4]: the transformation from index space to the set's own axes.
     own_from_index: NDArray[np.float64]
     # [3, 3]: the matrix from directions along the set's own axes to the world.
     world_from_own: NDArray[np.float64]
-    # The lowest corner, in the set's own axes.
+    # The lowest corner of the set, in its own axes.
     low: NDArray[np.float64]
-    # The highest corner, in the set's own axes.
+    # The highest corner of the set, in its own axes.
     high: NDArray[np.float64]
 
 
 class IndexRays(NamedTuple):
     """A set of n rays in index space, and their parts that are neither clipped away nor masked."""
 
-    # [n, 3]: positions (x, y, z), in voxels.
+    # [n, 3]: the origin (x, y, z) of each ray, in voxels.
     origins: NDArray[np.float64]
-    # [n, 3]: the rays' directions in index space, of unit length in the world.
+    # [n, 3]: the direction of each ray, in index space, of unit length in the world.
     directions: NDArray[np.float64]
     # [n, k, 2]: the distances from the origin, in the world, at which the parts of each ray start and end; some parts
     # are empty.
@@ -359,13 +368,14 @@ class LayerOptics(NamedTuple):
 
     # [z, y, x]: the values of the voxels.
     values: NDArray[Any]
-    # [z, y, x]: the state of each macrocell, UNKNOWN (0) at first. The array is updated, and later calls with the same
-    # values and intervals use it.
+    # [z, y, x]: the state of each macrocell, a block of 4^3 cells: UNKNOWN (0) at first, then whether it may show
+    # anything. The array is updated, and later calls with the same values and intervals use it.
     macrocells: NDArray[np.uint8]
+    # The transfer function of the layer.
     intervals: Intervals
-    # The light; None without a light.
+    # The light on the layer; None without a light.
     shading: RayShading | None
-    # A factor on extinction.
+    # The factor on the layer's extinction.
     weight: float
     # [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     colors: NDArray[np.uint8] | None
@@ -388,30 +398,31 @@ class ClipRegion(NamedTuple):
 
 
 class RaySetup(NamedTuple):
-    """The rays of a view in the grid of a volume.
+    """The rays of a view in the index space of a volume.
 
     With (x, y) the position of a pixel's centre in pixels, y downwards, relative to `center_px`:
 
         origin = origins @ (1, x, y)        direction = directions @ (1, x, y)
     """
 
-    # [3, 3]: the matrix to origins of rays, in index space relative to the volume's centre.
+    # [3, 3]: the matrix from (1, x, y) to the origin of a ray, in index space relative to the volume's centre.
     origins: NDArray[np.float64]
     # [3, 3]: the matrix to directions of rays, in index units per model unit of depth in perspective, and per model
     # unit of length otherwise.
     directions: NDArray[np.float64]
-    # A ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
+    # The slope of a ray per pixel of distance from the image's centre: at (x, y), a ray's length per unit of depth is
+    # `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     slope_per_px: float
     # The distance from the origin at which rays start, on the near plane, in model units along the direction.
     start: float
-    # The position of the image's centre (x, y), in pixels.
+    # The position (x, y) of the image's centre, in pixels.
     center_px: NDArray[np.float64]
     # The region that clipping leaves; None if the view clips nothing.
     clip: ClipRegion | None
 
 
 class ModelView(NamedTuple):
-    """A view in model units."""
+    """A view of a model: where the eye is, and how points are projected to pixels. Lengths are in model units."""
 
     # [3, 4]: the rotation and translation from the model to the view, in model units.
     view_from_model: NDArray[np.float64]
@@ -419,20 +430,20 @@ class ModelView(NamedTuple):
     perspective: bool
     # The focal length in pixels in perspective; otherwise the number of pixels in a model unit.
     scale_px: float
-    # The image's width and height.
+    # The image's width and height, in pixels.
     size: tuple[int, int]
-    # The depth of the near plane, in model units.
+    # The depth of the near plane, in model units; nothing nearer to the eye is drawn.
     near: float
-    # The largest |x| / depth and |y| / depth at which footprints are linearised; beyond, they are linearised as at
-    # this.
+    # The largest slopes |x| / depth and |y| / depth, across and down the image. The footprint of a splat with a larger
+    # slope is linearised as one with these slopes.
     slope_limit: NDArray[np.float64]
 
 
 class MaskGrid(NamedTuple):
     """A mask of labels, on a grid of its own."""
 
-    # [z, y, x]: for each voxel, nine bits that tell which voxels around it in its plane are in the mask, x fastest.
-    # Beyond the border, the nearest voxels are repeated.
+    # [z, y, x]: for each voxel of the mask, nine bits, x fastest: which of the 3 x 3 voxels around it in its xy plane
+    # are inside the mask. Beyond the border, the nearest voxels are repeated.
     planes: NDArray[np.uint16]
-    # [3, 4]: the transformation from the index space of another volume to that of the mask.
+    # [3, 4]: the transformation from the index space of another volume to the index space of the mask.
     from_index: NDArray[np.float64]

@@ -18,7 +18,9 @@ Array = npt.NDArray[Any]
 
 
 class ThreadPool:
-    """A pool of threads, or the calling thread alone. A `with` block or `release` ends the threads.
+    """A pool of threads that work on items side by side. With one thread, the calling thread works alone.
+
+    A `with` block or `release` ends the threads.
 
     If the work on an item raises an exception, the methods raise it, and items that no thread has started are dropped.
     """
@@ -34,7 +36,7 @@ class ThreadPool:
         self.release()
 
     def release(self) -> None:
-        """End the threads. Items that no thread has started are dropped: some may be left after an interrupt."""
+        """End the threads. Items that no thread has started, which an interrupt may leave behind, are dropped."""
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
@@ -56,7 +58,10 @@ class ThreadPool:
                 each.cancel()
 
     def for_rows(self, work: Callable[[int, int], object], pixels: Array) -> None:
-        """Call `work(first, end)` for parts of the rows of pixels [h, w, ...], at most one part for each thread."""
+        """Divide the rows of an image into parts, at most one for each thread, and call `work` for each part.
+
+        work: a function of the first row of a part, and of the row after its last one. pixels: [h, w, ...], the image.
+        """
         num = len(pixels)
         num_parts = max(1, min(self.num, num // -(-MIN_PIXELS_PER_THREAD // pixels.shape[1])))
         ends = [num * part // num_parts for part in range(num_parts + 1)]

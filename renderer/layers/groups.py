@@ -14,7 +14,10 @@ from renderer.volume import Volume
 
 @dataclass(frozen=True)
 class LayerGroup:
-    """A group of layers that are drawn together. bricks: the bricks of all layers; None if splats are drawn."""
+    """A group of layers on one grid of voxels, which are drawn together.
+
+    bricks: the bricks of all layers; None if splats are drawn.
+    """
 
     layers: tuple[Layer, ...]
     bricks: BrickLayers | None
@@ -31,13 +34,13 @@ class LayerGroup:
 
     @property
     def draws_voxels_only(self) -> bool:
-        """Return whether voxels are drawn at every tolerance, because the means of larger cells lack the shading."""
+        """Return whether single voxels are drawn at every tolerance, because means of larger cells lack the shading."""
         lit = [(layer.spec.shading, layer.volume.is_labels) for layer in self.layers if layer.spec.shading is not None]
         return any(shading.is_pointwise or is_labels for shading, is_labels in lit)
 
 
 def group_layers(layers: Sequence[Layer], scene: Scene) -> tuple[LayerGroup, ...]:
-    """Return the groups of a scene's layers. Each layer that is projected is a group of its own."""
+    """Return the groups of a scene's layers. In the modes of projections, each layer is a group of its own."""
     groups: dict[object, list[Layer]] = {}
     for number, layer in enumerate(layers):
         grid = layer.volume.shape_xyz, layer.volume.world_from_index.tobytes(), layer.spec.clip

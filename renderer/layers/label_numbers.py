@@ -17,7 +17,7 @@ def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False)
 
     The volume keeps its fingerprint.
 
-    shown: the labels that are shown, ascending. as_one: whether all of them have the number 1.
+    shown: the labels that are shown, ascending. as_one: whether all shown labels have the number 1.
     Raises InputError for a label that no voxel has, and if the volume's file was changed.
     """
     labels, numbers = np.array(shown), np.arange(1, len(shown) + 1, dtype=np.min_scalar_type(len(shown)))
@@ -41,8 +41,8 @@ def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False)
 def mask_volume(volume: Volume, mask: Volume, shown: Sequence[int]) -> Volume:
     """Return a volume that is shown only where a mask, a volume of labels, has one of the labels `shown`.
 
-    A mask whose file gives no voxel size, and that has the volume's shape, is taken to lie on the volume's grid. Errors
-    are as in `number_labels`.
+    A mask whose file gives no voxel size, and that has the volume's shape, is taken to lie on the volume's grid. Raises
+    InputError for a label that no voxel of the mask has, and if a file was changed.
     """
     if not mask.has_lengths:
         note = mask.note or "this mask does not give its voxel size; 1 x 1 x 1 is assumed"
@@ -69,14 +69,17 @@ def leave_out_masked(volume: Volume) -> Volume:
 
 
 def _numbers_of(values: Array, shown: Array, numbers: Array) -> Array:
-    """Return the number of each label in `values`; 0 for NaN and for labels that are not in `shown`."""
+    """Return the number of each label in `values`; 0 for NaN and for labels that are not shown.
+
+    shown: the labels that are shown, ascending. numbers: the number of each shown label.
+    """
     if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
         lowest = np.iinfo(values.dtype).min
         table = np.zeros(1 << 8 * values.dtype.itemsize, numbers.dtype)
         is_possible = (shown >= lowest) & (shown <= np.iinfo(values.dtype).max)
         table[shown[is_possible] - lowest] = numbers[is_possible]
         return table[values.astype(np.int64) - lowest]
-    if values.dtype == np.uint64:  # numpy would convert it to float64, to compare it with other integers
+    if values.dtype == np.uint64:  # numpy would compare uint64 with int64 as float64
         values = values.astype(np.int64)
     at = np.minimum(np.searchsorted(shown, values), len(shown) - 1)
     return np.where(shown[at] == values, numbers[at], numbers.dtype.type(0))

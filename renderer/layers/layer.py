@@ -22,11 +22,14 @@ from renderer.volume import Volume
 
 @dataclass(frozen=True)
 class Layer:
-    """A volume of a scene, with all that its pictures from any camera share.
+    """A layer of a scene: a volume, with everything that its pictures from any camera share.
 
+    spec: the layer's section of the scene.
     volume: the volume; labels in it are replaced by their numbers.
     transfer: the scene's colours and opacities.
     projection: the projection of the scene's mode; None for emission and absorption.
+    light_grid: the light that reaches each place in the volume.
+    pyramid: the averages of voxels, from which cells are drawn.
     bricks: the bricks; None if splats are drawn.
     extreme_bricks: the bricks in which rays look for an extremum; None in modes without extrema.
     digest: the digest of the plain data from which the layer was made, and of its voxels.
@@ -44,15 +47,15 @@ class Layer:
 
     @property
     def optics(self) -> TransferFunction:
-        """Return the transfer function that is drawn, which a projection replaces by its own."""
+        """Return the transfer function that is drawn: the projection's, or the scene's if there is no projection."""
         return self.transfer if self.projection is None else self.projection.optics
 
 
 def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
     """Return the parts of a scene that a layer is made from, besides its volume.
 
-    They do not include the layer's name and weight, or the camera. They include clipping only if light or extrema
-    depend on it.
+    The parts do not include the layer's name and weight, or the camera. They include clipping only if light or extrema
+    depend on clipping.
     """
     return _parts(spec, scene, _Held.by(spec, scene))
 
@@ -60,7 +63,7 @@ def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
 def parts_over_frames(film: FilmScene, number: int) -> OverFrames[tuple[Any, ...]]:
     """Return the parts of a scene that a layer of a film is made from, over all frames.
 
-    The choice of the parts is made on the first frame, as by `layer_parts`. number: the layer's number in the film.
+    Which parts these are is decided on the first frame, as by `layer_parts`. number: the layer's index in the film.
     """
     first = film.at(0)
     held = _Held.by(first.layers[number], first)
@@ -68,7 +71,10 @@ def parts_over_frames(film: FilmScene, number: int) -> OverFrames[tuple[Any, ...
 
 
 def frames_of_new_layers(film: FilmScene, number: int) -> list[tuple[int, int]]:
-    """Return the runs of frames, as (first, last), on which a layer of a film has to be made anew."""
+    """Return the runs of frames, as (first, last), on which a layer of a film has to be made anew.
+
+    number: the layer's index in the film.
+    """
     placed = film.film_layers[number].map(lambda layer: (layer.volume, layer.transform))
     return OverFrames((placed, parts_over_frames(film, number))).changing_frames
 
@@ -78,9 +84,9 @@ class _Held:
     """A choice of the parts of a scene on which a layer depends.
 
     clip: whether the layer depends on the clip planes and boxes.
-    shading: whether it depends on the whole shading, which is then part of the means of cells; otherwise it depends on
-        the light grid alone.
-    light: whether it depends on the direction of the light, which casts shadows.
+    shading: whether the layer depends on the whole shading, which is then part of the means of cells; otherwise it
+        depends only on the settings of the light grid.
+    light: whether the light grid depends on the direction of the light, which casts shadows.
     """
 
     clip: bool
@@ -89,7 +95,7 @@ class _Held:
 
     @classmethod
     def by(cls, spec: LayerSpec, scene: Scene) -> _Held:
-        """Return the choice for a layer of a scene."""
+        """Return the choice of the parts of a scene on which one of its layers depends."""
         shading = spec.shading
         has_light_grid = shading is not None and shading.has_light_grid
         has_shadow = shading is not None and shading.shadow > 0
@@ -98,7 +104,7 @@ class _Held:
 
 
 def _parts(spec: LayerSpec, scene: Scene, held: _Held) -> tuple[Any, ...]:
-    """Return the chosen parts of a scene that a layer is made from; see `layer_parts`."""
+    """Return the parts of a scene that a layer is made from, as `layer_parts` does. held: the choice of the parts."""
     shading: Any = spec.shading
     if shading is not None and not held.shading:
         light = shading.light if held.light else None
@@ -111,7 +117,7 @@ def _parts(spec: LayerSpec, scene: Scene, held: _Held) -> tuple[Any, ...]:
 
 
 def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:
-    """Return the digest of the voxels and the parts of a scene that a layer is made from."""
+    """Return a digest by which a layer is found again: of its voxels, and of the parts of a scene it is made from."""
     made_from = (volume.fingerprint, *layer_parts(spec, scene), finest_cut)
     return hashlib.blake2b(repr(made_from).encode(), digest_size=16).hexdigest()
 
@@ -127,8 +133,8 @@ def make_layer(
 ) -> Layer:
     """Make a layer of a scene from its volume. The result does not depend on `num_threads`.
 
-    finest_cut: the parameter of `build_pyramid`. lap: a function that is called with the name of each finished step.
-    Raises InputError if the volume's file was changed.
+    finest_cut: the bound of the cuts that will be made of the pyramid. lap: a function that is called with the name of
+    each finished step. Raises InputError if the volume's file was changed.
     """
     look = spec.transfer_function
     if spec.color is not None:
@@ -137,7 +143,7 @@ def make_layer(
     if (labels := spec.transfer_function.labels) is not None:
         volume = number_labels(volume, labels.values)
     if volume.mask is not None and (scene.mode.is_projection or scene.needs_opengl):
-        volume = leave_out_masked(volume)  # projections and splats handle absent voxels, but no masks
+        volume = leave_out_masked(volume)  # projections and splats can leave out absent voxels, but apply no masks
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics
     light_grid = NO_LIGHT_GRID

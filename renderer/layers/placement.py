@@ -13,13 +13,13 @@ from renderer.volume import Float64, Volume, move_volume
 
 Matrix = tuple[tuple[float, ...], ...]
 
-# The greatest ratio of the diagonals of two volumes in one scene. A body is 300 times as long as a vessel's wall is
-# thick.
+# The largest ratio of the diagonals of two volumes in one scene; a larger one is taken for a mistake in units. A body
+# is 300 times as long as a vessel's wall is thick.
 _MAX_SIZE_RATIO = 300.0
-# The greatest ratio of a volume's diagonal to the thickness of its voxels, if it is mixed with other volumes: rays take
-# steps of that thickness through all volumes. A volume of 57,000^3 cubic voxels reaches the limit. At a ratio of 2.8e5,
-# a picture was as exact as at 2.8e4; at 2.8e6, samples at float32 positions cost it 10 to 20 dB, and it took ten times
-# as long.
+# The largest ratio of a volume's diagonal to the thickness of its voxels, if the volume is mixed with other volumes:
+# rays then take steps of that thickness through all volumes. A volume of 57,000^3 cubic voxels reaches the limit. At a
+# ratio of 2.8e5, a picture was as exact as at 2.8e4; at 2.8e6, it lost 10 to 20 dB to samples at float32 positions, and
+# took ten times as long.
 _MAX_MIXED_DIAGONAL = 1e5
 
 
@@ -30,7 +30,7 @@ def reach_text(volume: Volume) -> str:
 
 
 def placement_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield the problems with the positions of volumes, on the first frame that has any.
+    """Yield the problems with the positions of volumes, on the first frame with a problem.
 
     volumes: the volumes of the scene's layers, on its first frame.
     """
@@ -46,7 +46,10 @@ def placement_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[
 def _placed_by_frame(
     layers: Sequence[OverFrames[LayerSpec]], volumes: Sequence[Volume]
 ) -> Iterator[tuple[int, Sequence[Volume]]]:
-    """Yield the volumes at their positions on the first frame, and on each frame on which any has moved."""
+    """Yield a frame and the volumes at their positions, for the first frame and each frame on which a volume has moved.
+
+    volumes: the volumes at their positions on the first frame.
+    """
     yield 0, volumes
     transforms = [layer.map(lambda each: each.transform) for layer in layers]
     runs = OverFrames(tuple(transforms)).changing_frames
@@ -67,7 +70,7 @@ def _placed(volume: Volume, transform: OverFrames[Matrix | None], frame: int) ->
 
 
 def _mixing_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield a problem for each volume that is too flat to be mixed with others at every point of a ray."""
+    """Yield a problem for each volume that is too flat to be mixed with other volumes at every point of a ray."""
     clips = (layer.map(lambda each: each.clip) for layer in scene.film_layers)
     grids = {(each.shape_xyz, each.world_from_index.tobytes(), clip) for each, clip in zip(volumes, clips, strict=True)}
     if len(grids) == 1 or scene.blend == "add" or scene.is_projection or scene.needs_opengl:
@@ -83,7 +86,7 @@ def _mixing_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Pr
 
 
 def _size_problems(volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield a problem for each volume that is far larger or smaller than the first one, as in other units of length."""
+    """Yield a problem for each volume far larger or smaller than the first one, as if in another unit of length."""
     for number, volume in enumerate(volumes):
         ratio = volume.half_diagonal / volumes[0].half_diagonal
         if not 1 / _MAX_SIZE_RATIO <= ratio <= _MAX_SIZE_RATIO:
@@ -96,7 +99,7 @@ def _size_problems(volumes: Sequence[Volume]) -> Iterator[Problem]:
 
 
 def placement_notes(layers: Sequence[LayerSpec], volumes: Sequence[Volume]) -> Iterator[str]:
-    """Yield a sentence for each volume that overlaps no other volume; none for a single volume."""
+    """Yield a sentence for each volume that overlaps no other volume; a single volume has no sentence."""
     lows, highs = np.array([_world_box(volume) for volume in volumes]).swapaxes(0, 1)
     overlaps = ((lows[:, None] < highs) & (lows < highs[:, None])).all(axis=2)
     for layer, volume, num in zip(layers, volumes, overlaps.sum(axis=1).tolist(), strict=True):

@@ -1,14 +1,14 @@
 """Compute the light grid: the shares of the ambient and of the diffuse light that reach each position in the object.
 
 The factor of occlusion is twice the mean over all directions of exp(-D), at most 1, with D the optical depth along a
-ray up to the radius of occlusion. An opaque plane hides half of all directions, so that its surface has the factor 1,
-as an open position has; corners and buried positions are darker. The factor of shadow is the mean of exp(-D) over the
+ray up to the radius of occlusion. An opaque plane hides half of all directions. Its surface has the factor 1, as a
+position in the open has; corners and buried positions are darker. The factor of shadow is the mean of exp(-D) over the
 directions to a round light of the angular radius LIGHT_RADIUS, with rays up to the volume's border. All rays leave out
 the first START_CELLS cells, in which surfaces would shade themselves.
 
-Rays are sampled in one grid of mean extinctions, with steps that grow with the distance. Coarser grids for far parts
-were faster, but made everything darker: the mean of a thin wall and of the opening beside it lets less light through
-than wall and opening by themselves.
+Rays are sampled in one grid of mean extinctions, with steps that grow with the distance. Coarser grids for the far
+parts of rays are faster, but make everything darker: the mean of a thin wall and of the opening beside it lets less
+light through than wall and opening by themselves.
 """
 
 from __future__ import annotations
@@ -22,27 +22,33 @@ from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import TransferFunction, make_classifier, make_light_grid, raw_voxels
 from renderer.volume import Bools, Float32, Float64, Volume
 
-# The most cells of the light grid along its longest axis.
+# The largest number of cells of the light grid along its longest axis.
 MAX_CELLS = 128
-# The radius of occlusion, unless a scene gives one, as a share of the volume's diagonal.
+# The distance up to which matter dims the ambient light of a point, unless a scene gives one, as a share of the
+# volume's diagonal.
 OCCLUSION_RADIUS = 0.1
-# The angular radius of the light, in degrees. The shadows of a smaller light would have edges sharper than cells.
+# The angular radius of the light that casts shadows, in degrees. The shadows of a smaller light would have edges
+# sharper than the cells of the light grid.
 LIGHT_RADIUS = 14.0
-# The number of cells that a ray leaves out at its start, by their width along the axis of finest spacing.
+# The length that a ray leaves out at its start, in widths of a cell along the axis of finest spacing.
 START_CELLS = 2
 
-# The number of rays for occlusion from each cell. This number and the next three constants suffice by the measurements
-# in docs/benchmarks/occlusion.md.
+# The number of rays from each cell, in all directions, that measure its occlusion. It suffices by the measurements in
+# docs/benchmarks/occlusion.md.
 _NUM_OCCLUSION_RAYS = 24
-# The length of a step for occlusion, as a share of its distance from the cell.
+# The length of a sample of a ray for occlusion, as a share of the sample's distance from the ray's start. It suffices
+# by the measurements in docs/benchmarks/occlusion.md.
 _OCCLUSION_GROWTH = 0.35
-# The number of rays to the light from each cell.
+# The number of rays from each cell to the light that measure its shadow. It suffices by the measurements in
+# docs/benchmarks/occlusion.md.
 _NUM_LIGHT_RAYS = 14
-# The length of a step to the light, as a share of its distance from the cell.
+# The length of a sample of a ray to the light, as a share of the sample's distance from the ray's start. It suffices by
+# the measurements in docs/benchmarks/occlusion.md.
 _LIGHT_GROWTH = 0.07
-# The number of cells in a part of a row, as in the kernel `transmit`. It skips parts in which nothing is visible.
+# The number of cells in a part of a row of the grid. The kernel `transmit`, which has the same number, skips parts in
+# which nothing is visible.
 _CELLS_OF_PART = 16
-# The turn between neighbouring points of a spiral, in radians.
+# The turn between neighbouring points of a spiral, in radians. With this angle, points are spread evenly.
 _GOLDEN_ANGLE = np.pi * (1 + 5**0.5)
 
 
@@ -58,8 +64,10 @@ def compute_light_grid(
     """Return the light grid for a shading. The result does not depend on the number of threads.
 
     are_removed: tells which boxes are clipped away and let all light through. Boxes are float64 [n, 2, 3], the lowest
-        and highest corners in index space relative to the volume's centre. max_cells: the most cells along the longest
-        axis. Raises InputError if the volume's file was changed.
+        and highest corners in index space relative to the volume's centre.
+    max_cells: the largest number of cells along the longest axis of the grid.
+
+    Raises InputError if the volume's file was changed.
     """
     level = max(0, (-(-max(volume.shape_xyz) // max_cells) - 1).bit_length())
     width = volume.finest_spacing * 2**level
@@ -83,7 +91,10 @@ def compute_light_grid(
 
 
 def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads: ThreadPool) -> Float32:
-    """Return the mean optical depths, per finest spacing, of cells of 2^level voxels a side, with a border of cells."""
+    """Return the mean optical depths of cells of 2^level voxels a side, on a path as long as the finest spacing.
+
+    Returns float32 [z + 2, y + 2, x + 2]: the outermost cells are repeated once beyond each border.
+    """
     classifier, raw = make_classifier(volume, transfer, None, opacity=False), raw_voxels(volume)
     by_pattern = None if classifier.table is None else np.ascontiguousarray(classifier.table[:, 3])
     out, shares = np.empty((2, *(-(-num >> level) for num in raw.shape)), np.float32)
@@ -100,7 +111,7 @@ def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads
 
 
 def _remove(depths: Float32, volume: Volume, level: int, are_removed: Callable[[Float64], Bools]) -> None:
-    """Set the depths of cells whose middles are removed to 0, in place. depths: with a border of cells."""
+    """Set the depths of cells whose middles are clipped away to 0, in place. depths: as `_mean_depths` returns them."""
     z, y, x = ((np.arange(-1, num - 1) + 0.5) * 2**level - 0.5 for num in depths.shape)
     for plane, at in zip(depths, z, strict=True):
         row, column = np.nonzero(plane)
@@ -111,7 +122,9 @@ def _remove(depths: Float32, volume: Volume, level: int, are_removed: Callable[[
 def _transmission(
     volume: Volume, depths: Float32, level: int, directions: Float64, ends: Float64, threads: ThreadPool
 ) -> Float32:
-    """Return the mean transmission of rays from the centre of each cell, as in a LightGrid.
+    """Return the mean transmission of rays from the centre of each cell, with the outermost cells repeated.
+
+    Returns float32 [z + 2, y + 2, x + 2], as in a LightGrid.
 
     directions: [n, 3], unit vectors in world axes. ends: [m + 1], the ends of samples along a ray, as world lengths
         from the cell; the first entry is the start of the first sample.
@@ -129,7 +142,10 @@ def _transmission(
 
 
 def _filled_parts(depths: Float32) -> Bools:
-    """Return which parts of rows of cells are visible or next to visible parts, as the kernel `transmit` takes them."""
+    """Return `filled` of the kernel `transmit`: which parts of rows of cells are visible, or before visible parts.
+
+    depths: as `_mean_depths` returns them.
+    """
     filled = np.logical_or.reduceat(depths > 0, np.arange(0, depths.shape[2], _CELLS_OF_PART), axis=2)
     for axis in range(3):
         along = np.moveaxis(filled, axis, 0)
@@ -140,7 +156,9 @@ def _filled_parts(depths: Float32) -> Bools:
 def _sample_ends(start: float, end: float, width: float, growth: float) -> Float64:
     """Return the ends of samples along a ray, as world lengths from its start.
 
-    A sample is a cell long, or `growth` times its distance if that is longer. width: the width of a cell.
+    A sample is as long as a cell, or as `growth` times its distance from the ray's start if that is longer.
+
+    start, end: the distances at which the first sample starts and the last one ends. width: the width of a cell.
     """
     ends = [start]
     while ends[-1] < end:

@@ -13,7 +13,8 @@ from renderer.transfer import MAX_VOXEL_DEPTH, TransferFunction
 class Mean(Projection):
     """A projection of the mean scalar along each ray, inside the volume's box.
 
-    The extinction is linear in the scalar, so that the optical depth of a ray, at most 1, is its integral.
+    The extinction is linear in the scalar: from the optical depth of a ray, which is at most 1, follows the integral of
+    the scalar along the ray, and so the mean.
     """
 
     def _make_optics(self) -> TransferFunction:
@@ -22,8 +23,8 @@ class Mean(Projection):
             high = float(np.nextafter(low, np.inf))
         self._low_share, self._width_share = self.share_of(low), self.share_of(high) - self.share_of(low)
         self._depth_per_length = 1.0 / (2.0 * self.volume.half_diagonal)
-        # The ratio of errors of the optical depth to errors as shares of the colour range, on a ray as long as the mean
-        # chord.
+        # An error of the picture, as a share of the colour range, times this factor is an error of the optical depth,
+        # on a ray as long as the mean chord of the volume's box.
         self.tolerance_factor = self._mean_chord * self._depth_per_length / max(1.0, self._width_share)
         return ramp(low, high, (0.0, self._depth_per_length))
 
@@ -41,7 +42,10 @@ class Mean(Projection):
 
 
 class Attenuation(Projection):
-    """A projection of exp(-integral of mu) along each ray, with mu = scale * max(s - zero, 0) per world unit."""
+    """A projection of the attenuation of each ray: exp(-integral of mu), with mu = scale * max(s - zero, 0).
+
+    s: the scalar. scale, zero: settings of the mode. mu: an extinction per world unit.
+    """
 
     def _make_optics(self) -> TransferFunction:
         assert self.spec.scale is not None and self.spec.zero is not None, "checked with the scene"

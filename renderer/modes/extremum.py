@@ -11,7 +11,7 @@ from renderer.transfer import TransferFunction
 
 
 class Extremum(Projection):
-    """A projection of the extreme scalar of each ray.
+    """A projection of the extreme scalar of each ray, the largest or the smallest one, or of the largest one's depth.
 
     Rays gather two numbers. The first is the position of the extreme scalar in the colour range, from 0 for the least
     extreme end, which shows nothing, to 1 for the most extreme end. The second is its nearness to the eye, from 0 at
@@ -20,7 +20,7 @@ class Extremum(Projection):
 
     @property
     def is_maximum(self) -> bool:
-        """Return whether the projection shows the largest scalar, not the smallest."""
+        """Return whether the projection is of the largest scalar, not of the smallest."""
         return self.spec.type == "maximum"
 
     @property

@@ -14,10 +14,11 @@ from renderer.volume import Float32, Float64, Volume
 
 
 class Projection(ABC):
-    """A mode that shows one number of each ray as a colour. The scene's opacities have no effect.
+    """A projection: a mode that shows one number of each ray as a colour. The scene's opacities have no effect.
 
     color_range: the first and the last scalar of the scene's colours. Numbers are coloured as shares of this range.
-    optics: the transfer function that is drawn in place of the scene's. The numbers of rays follow from its picture.
+    optics: the transfer function that is drawn in place of the scene's. The numbers of rays are computed from the
+        picture drawn with it.
     tolerance_factor: the factor from the scene's tolerance, a share of the colour range, to the tolerance at which
         `optics` is drawn.
     """
@@ -44,18 +45,22 @@ class Projection(ABC):
     def shares(self, gathered: Any, chords: Any) -> Any:
         """Return the number of each ray, as a share of the colour range: float [...].
 
-        gathered: float [..., 4], the picture of `optics`. chords: float [...], the world lengths of the rays inside the
-        volume's box.
+        gathered: float [..., 4], the picture that is drawn with `optics`. chords: float [...], the world lengths of the
+        rays inside the volume's box.
         """
 
     def brightness(self, gathered: Any) -> Any:
-        """Return a factor on the colours of rays: float [..., 1], or 1."""
+        """Return the factor on the colours of rays: float [..., 1], or 1 for all rays.
+
+        gathered: float [..., 4], the picture that is drawn with `optics`.
+        """
         return 1.0
 
     def picture(self, gathered: Float32, chords: Float32, threads: ThreadPool) -> Float32:
         """Return the picture: premultiplied RGBA, float32 [h, w, 4], opaque where rays meet the volume's box.
 
-        gathered, chords: as in `shares`, for all pixels.
+        gathered: float32 [h, w, 4], the picture that is drawn with `optics`. chords: float32 [h, w], the world lengths
+        of the rays inside the volume's box.
         """
         image = np.empty_like(gathered)
         color = kernels().color_shares.partial(curve=self._colors.curve())
@@ -70,12 +75,19 @@ class Projection(ABC):
         return image
 
     def exact_colors(self, gathered: Float64, chords: Float64) -> Float64:
-        """Return the colours of rays as `picture` does, in double precision: float64 [n, 4]."""
+        """Return the colours of rays as `picture` does, in double precision: float64 [n, 4].
+
+        gathered: float64 [n, 4], exact radiance with `optics`. chords: float64 [n], the world lengths of the rays
+        inside the volume's box.
+        """
         colors, _ = self._colors.classify(self.shares(gathered, chords))
         is_met = (chords > 0)[:, None]
         return np.hstack([colors * is_met * self.brightness(gathered), is_met])
 
 
 def ramp(first: float, last: float, extinctions: tuple[float, float]) -> TransferFunction:
-    """Return a white transfer function whose extinction, per world unit, is linear between two scalars."""
+    """Return a white transfer function whose extinction is linear between the scalars `first` and `last`.
+
+    extinctions: the extinction per world unit at both scalars.
+    """
     return TransferFunction(np.array([first, last]), np.ones((2, 3)), np.array(extinctions), 1.0)

@@ -19,6 +19,9 @@ _PROJECTIONS: dict[str, type[Projection]] = {
 
 
 def make_projection(spec: ModeSpec, colors: TransferFunction, volume: Volume) -> Projection | None:
-    """Return the projection of a mode; None for emission and absorption."""
+    """Return the projection of a mode; None for the mode of emission and absorption.
+
+    colors: the scene's transfer function, of which projections use the colours only.
+    """
     kind = _PROJECTIONS.get(spec.type)
     return None if kind is None else kind(spec, colors, volume)

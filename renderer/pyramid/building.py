@@ -48,36 +48,39 @@ from renderer.volume import Array, Bools, Float32, Float64, Int32, Int64, Volume
 # It has to copy arrays that it keeps.
 NodeCallback = Callable[[int, Int32, Int64, Float64, Array], None]
 
-# The number of levels inside a block.
+# The number of levels of the pyramid inside a block of 8^3 voxels: levels 1 to 3.
 BLOCK_LEVELS = 3
 
-# The level of the cubes, 64^3 voxels, that tasks build as a whole, so that no two tasks have nodes in the same brick of
-# levels 0 to 2.
+# The octree level of the cubes, of 64^3 voxels, that are built as a whole by one task, so that no two tasks have nodes
+# in the same brick of levels 0 to 2.
 CUBE_LEVELS = 6
-# The most blocks of a task: enough to hide the time to start it, few enough that their nodes take little memory.
+# The largest number of blocks that one task builds: enough to hide the time to start the task, and few enough that the
+# blocks' nodes take little memory.
 BLOCKS_PER_TASK = 2048
 
-# The most cells along an axis of the grid of visible cells by which volumes are framed.
+# The largest number of cells along an axis of the grid of visible cells (`Pyramid.occupied`), by which the camera
+# frames a volume.
 MAX_OCCUPANCY_SIDE = 128
 
-# The number as which the largest possible mean is stored: float16 then holds 8 decades below it at its full 11 bits
-# (its normal numbers go down to 2^-14).
+# Means are stored in a unit in which the largest possible mean is at most this number. float16 then holds numbers down
+# to 8 decades below the largest mean at its full 11 bits (normal numbers of float16 go down to 2^-14).
 MAX_STORED_MEAN = 2.0**15
 
-# The smallest range by which scalars are normalized: the inverse of their unit is then finite, and squares of the
-# smallest denormal numbers are normal.
+# Scalars in a smaller range than this are stored in the unit of this range: the inverse of the unit is then finite, and
+# squares of the smallest denormal numbers are normal.
 MIN_SCALAR_RANGE = 2.0**-1008
 
-# The number of levels in each tier above the blocks.
+# The number of levels that each tier of groups of 64 nodes adds to the pyramid above the blocks.
 TIER_LEVELS = 2
 
-# The number of levels that are streamed and not stored if bricks are drawn.
+# The number of levels, from level 1 on, that the pyramid of a volume drawn as bricks does not store. Their nodes are
+# passed to a callback as they are built.
 STREAMED_LEVELS = 2
 
 # The factor on a tolerance that allows for the rounding of stored errors: an error below the product is also below the
 # tolerance once it is rounded.
 ROUNDING_MARGIN = 1 - 2.0**-9
-# The largest rounding error of tiny stored errors, in stored units.
+# A bound of the rounding errors of node errors that are stored as denormal float16 numbers, in stored units.
 MAX_STORED_ROUNDING = 2.0**-24
 
 
@@ -93,7 +96,7 @@ def build_pyramid(
     finest_cut: FinestCut = EVERY_CUT,
     on_nodes: NodeCallback | None = None,
 ) -> Pyramid:
-    """Build all levels in one pass over the voxels. The result does not depend on `num_threads`.
+    """Build all levels of the pyramid in one pass over the voxels. The result does not depend on `num_threads`.
 
     light_grid: the light that reaches each place, for the shading.
     finest_cut: the bound of the cuts that will be made.
@@ -124,7 +127,8 @@ class _Plan:
         too, or if errors are measured on scalars.
     normalization: float64 [2], the offset and the scale of the scalars that errors are measured on; None for channels.
     error_factor: the factor from the root of a variance to an error in stored units.
-    leaf_variance_limits: the variances of nodes of levels 2 and 3 below which they are leaves in every cut.
+    dtype: the dtype in which means and errors are stored.
+    leaf_variance_limits: the variances below which nodes of level 2, and of level 3, are leaves in every cut.
     on_nodes: as in `build_pyramid`.
     """
 
@@ -193,7 +197,7 @@ def _plan_build(
 def _leaf_variance_limits(plan: _Plan, num_levels: int) -> tuple[float, float]:
     """Return the total variances of nodes of levels 2 and 3 below which their errors are below any tolerance in use.
 
-    The limits are computed for whole cells. Cells that the border cuts are smaller, and so are their errors.
+    The limits are computed for whole cells. Cells that the border cuts are smaller, and have smaller errors.
     """
     limits, finest_cut = [], plan.pyramid.finest_cut
     for level in (2, 3):
@@ -224,9 +228,9 @@ def _stored_unit(largest: float) -> float:
 
 
 def _tasks(shape_xyz: Shape) -> tuple[list[Int64], list[int]]:
-    """Return the cubes of each task, in Morton order, and the number of blocks before each task and in all.
+    """Return the cubes of each task, in Morton order, and the number of blocks before each task and in all tasks.
 
-    Cubes are int64 [n, 3], places (x, y, z) in units of a cube's side.
+    The cubes of a task are int64 [n, 3], places (x, y, z) in units of a cube's side.
     """
     top = max(CUBE_LEVELS, (max(shape_xyz) - 1).bit_length())
     cubes = subdivide(np.zeros((1, 3), np.int64), top, CUBE_LEVELS, shape_xyz)
@@ -236,9 +240,11 @@ def _tasks(shape_xyz: Shape) -> tuple[list[Int64], list[int]]:
 
 
 class _Tier(NamedTuple):
-    """A list of nodes of one level: cells int64 [n, 3] (x, y, z) and means [n, 4].
+    """A list of all nodes of one level, from which the next tier is made.
 
-    error_means, variances: [n, c], the means and variances in the channels that errors are measured on.
+    cells: int64 [n, 3], the places (x, y, z) of the nodes, in units of their width.
+    means: float32 [n, 4], the means of the nodes' channels.
+    error_means, variances: float64 [n, c], the means and variances in the channels that errors are measured on.
     """
 
     cells: Int64
@@ -248,15 +254,15 @@ class _Tier(NamedTuple):
 
 
 class _BuildBlocks(Protocol):
-    """A function that builds the nodes of some blocks: the kernel `build_blocks`, with its other arguments."""
+    """A function that builds the nodes of some blocks: the kernel `build_blocks`, with all other arguments given."""
 
     def __call__(self, *, starts: Int64, extents: Int64, visible: Bools) -> None: ...
 
 
 class _Scratch(NamedTuple):
-    """A task's memory for its nodes, which the next task uses again, and the kernel that fills it.
+    """A task's memory for its nodes, and the kernel that fills the memory.
 
-    Fresh pages cost more than the arithmetic done in them.
+    The next task uses the memory again: new memory from the system would take more time than the arithmetic.
     """
 
     nodes: VisibleNodes
@@ -293,7 +299,7 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
         volume.require_unchanged()
         first, end = first_blocks[task : task + 2]
         targets = [level.part(first * num, end * num) for level, num in zip(inside, NODES_OF_GROUP, strict=True)]
-        scratch = scratches.pop()  # a thread uses one set of arrays at a time
+        scratch = scratches.pop()  # no other thread uses this memory until it is given back
         stored, roots = _build_blocks(plan, cubes[task], targets, scratch)
         scratches.append(scratch)
         return stored, *_next_tier(plan, roots, BLOCK_LEVELS)
@@ -319,7 +325,11 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
 
 
 def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scratch) -> tuple[list[Level], _Tier]:
-    """Build the levels inside the blocks of one task; return the stored parts of `targets`, and the blocks' roots."""
+    """Build the levels inside the blocks of one task.
+
+    Returns, for each level, the part of `targets` to which its visible nodes are stored; and the roots of the blocks,
+    from which the next tier is made. targets: for each level, the part of its arrays for the blocks of the task.
+    """
     pyramid, (nodes, build), stored = plan.pyramid, scratch, []
     cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
     extents, visible = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz), np.empty(len(cells), np.bool_)
@@ -375,7 +385,10 @@ def _octants(cells: Int64) -> Int64:
 
 
 def _store_visible(plan: _Plan, nodes: VisibleNodes, part: int, target: Level) -> Level:
-    """Write the visible nodes of one level of groups to the beginning of `target`, and return this part of `target`."""
+    """Write the visible nodes of one level of groups to the beginning of `target`, and return this part of `target`.
+
+    part: the level in the groups, 0 for the lowest.
+    """
     found = nodes_of_level(nodes, part)
     means, target = nodes.means[found], target.part(0, found.stop - found.start)
     target.masks[:] = nodes.masks[found][: len(target.masks)]
@@ -387,7 +400,7 @@ def _store_visible(plan: _Plan, nodes: VisibleNodes, part: int, target: Level) -
 
 
 def _link_children(level: Level) -> Level:
-    """Return the level with the index of each node's first child. Children are in the order of their parents."""
+    """Return a level with the index of each node's first child. Children are in the order of their parents."""
     num_children = np.bitwise_count(level.masks).astype(np.int64)
     level = level._replace(first_children=np.cumsum(num_children) - num_children)
     for array in level:

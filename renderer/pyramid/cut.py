@@ -19,11 +19,13 @@ from renderer.volume import Float32, Float64, Int32, Int64, UInt8, Volume
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut: the cells that are drawn, coarse levels first, in Morton order within a level. Their index is their id.
+    """A cut: the cells that are drawn, coarse levels first, in Morton order within a level.
 
-    levels: uint8 [n]; a cell of level l is 2^l voxels wide, less where the border cuts it.
-    cells: int32 [n, 3], x, y, z in widths of the cell.
-    depths: float32 [n, 4], means of (tau c, tau) times the finest spacing.
+    The index of a cell is its id.
+
+    levels: uint8 [n], the level of each cell. A cell of level l is 2^l voxels wide, or less at the volume's border.
+    cells: int32 [n, 3], the place (x, y, z) of each cell, in units of the cell's width.
+    depths: float32 [n, 4], the mean of (tau c, tau) in each cell, times the finest spacing.
     volume: the volume that was cut.
     """
 
@@ -62,12 +64,12 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
 
 
 def root_error(pyramid: Pyramid) -> float:
-    """Return the error of the whole volume as one cell: a cut at any larger tolerance is a single cell."""
+    """Return the error of drawing the whole volume as one cell. A cut at any larger tolerance is a single cell."""
     return float(node_errors(pyramid, *root_cells(pyramid), pyramid.num_levels).max(initial=0.0))
 
 
 def root_cells(pyramid: Pyramid) -> tuple[Int64, Int32]:
-    """Return the index of the root and its cell, [1] and [1, 3]; empty arrays if nothing is visible."""
+    """Return the index and the place of the octree's root, [1] and [1, 3]; empty arrays if nothing is visible."""
     num = len(pyramid.levels[-1].errors)
     return np.arange(num), np.zeros((num, 3), np.int32)
 
@@ -84,13 +86,16 @@ def node_errors(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int) -> Flo
 
 def cell_voxel_counts(cells: Int32, level: int, volume: Volume) -> Int64:
     """Return the number of voxels in each cell of a level: int64 [n]."""
-    # The product is taken by columns, as a product along rows takes ten times as long.
+    # Three columns are multiplied, because `prod` along the rows takes ten times as long.
     x, y, z = cell_extents(cells, level, volume.shape_xyz).T
     return np.asarray(x * y * z)
 
 
 def descendants(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int, finer_level: int) -> tuple[Int64, Int32]:
-    """Return the visible nodes of a finer level that lie in given nodes of a level. See `visible_children`."""
+    """Return the visible nodes of a finer level that lie in given nodes of a level.
+
+    nodes, cells, and the results: as in `visible_children`.
+    """
     for number in range(level, finer_level, -1):
         nodes, cells = visible_children(nodes, cells, pyramid.levels[number - 1])
     return nodes, cells

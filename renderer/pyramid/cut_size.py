@@ -34,6 +34,7 @@ class CutSizes:
     tolerance_limit: the largest tolerance at which the cut has more than `max_cells` cells, or is unknown; 0 without
         such a tolerance.
     num_cells_at_zero: the number of cells at tolerance 0; None if it is more than `max_cells`, or unknown.
+    max_cells: the largest size of a cut in the table.
     """
 
     split_thresholds: Float64
@@ -45,7 +46,8 @@ class CutSizes:
     def finest_within(self, num_cells: int) -> float:
         """Return the tolerance of the finest cut of at most `num_cells` cells, from 1 to `max_cells`.
 
-        The tolerance is 0, or at least MIN_TOLERANCE, as in scenes. Raises ValueError for another number of cells.
+        The tolerance is 0, or at least MIN_TOLERANCE, as in scenes. Raises ValueError if `num_cells` is not from 1 to
+        `max_cells`.
         """
         if not 1 <= num_cells <= self.max_cells:
             raise ValueError(f"sizes of other cuts: got {num_cells}, expected 1 to {self.max_cells}")
@@ -84,8 +86,8 @@ def cut_sizes(pyramid: Pyramid, max_cells: int, *, finest_level: int, finest_lev
 def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, limit: float) -> CutSizes:
     """Collect split thresholds above a limit, level by level. The number of cells at tolerance 0 is left open.
 
-    limit: the tolerance from which on cuts are wanted; negative to include thresholds of 0. It rises whenever there are
-        more than `max_cells` cells.
+    limit: only thresholds above this number are collected; a negative limit includes thresholds of 0. The limit rises
+        whenever there are more than `max_cells` cells.
     """
     nodes, cells = root_cells(pyramid)
     parent_thresholds = np.full(len(nodes), np.inf)
@@ -107,7 +109,10 @@ def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, lim
 
 
 def _merge_level(found: CutSizes, thresholds: Float64, num_more: Int64) -> CutSizes:
-    """Return the sizes with the split nodes of a further level. num_more: each node's number of children, less 1."""
+    """Return a table of sizes with the split nodes of a further level added.
+
+    thresholds: [n], the split threshold of each node. num_more: [n], the number of each node's children, less 1.
+    """
     falling, where = np.unique(-np.concatenate([found.split_thresholds, thresholds]), return_inverse=True)
     more = np.bincount(where, np.concatenate([np.diff(found.counts), num_more]))
     counts = found.counts[0] + np.append(0, np.cumsum(more)).astype(np.int64)

@@ -12,7 +12,7 @@ import numpy as np
 from renderer.kernels import VisibleNodes, kernels
 from renderer.volume import Array, Float32
 
-# The number of nodes of each level of a group.
+# The number of nodes on each level of a group, from the lowest level up.
 NODES_OF_GROUP = (64, 8, 1)
 
 # The number of voxels along each side of a block.
@@ -20,7 +20,7 @@ BLOCK_SIZE = 8
 
 
 def room_for_nodes(num_groups: int, num_channels: int, *, listed: bool = False) -> VisibleNodes:
-    """Return uninitialised arrays for the nodes of some groups.
+    """Return arrays with room for the nodes of some groups, whose numbers are not set yet.
 
     num_channels: the number of channels that errors are measured on: 4, or 1 for scalars.
     listed: whether cells and sizes get arrays, too; otherwise these two are empty.
@@ -40,18 +40,23 @@ def room_for_nodes(num_groups: int, num_channels: int, *, listed: bool = False) 
 
 
 def nodes_of_level(nodes: VisibleNodes, part: int) -> slice:
-    """Return the range of indices of the visible nodes of one level of the groups."""
+    """Return the range of indices of the visible nodes on a level of the groups. part: the level, 0 for the lowest."""
     first = len(nodes.root_means) * sum(NODES_OF_GROUP[:part])
     return slice(first, first + int(nodes.counts[part]))
 
 
 def packed_channels(values: Array) -> Array:
-    """Return a view of four channels [..., 4] as one item [...], which numpy moves at once."""
+    """Return a view of an array [..., 4] in which the four channels of a node are one item, which numpy moves at once.
+
+    values: float16 or float32 [..., 4].
+    """
     return values.view(np.uint64 if values.dtype == np.float16 else np.complex128)[..., 0]
 
 
 def opacities_to_depths(means: Float32, max_depth: float) -> None:
-    """Convert means of (a c, a) [n, 4] to optical depths times (c, 1), in place.
+    """Convert means of (a c, a), with the opacity a, to (depth c, depth), with the optical depth, in place.
+
+    means: [n, 4]. max_depth: the largest optical depth of a voxel, to which depths are clamped.
 
     In half precision, depths keep their digits, while opacities near 1 would lose them.
     """
@@ -62,7 +67,7 @@ def opacities_to_depths(means: Float32, max_depth: float) -> None:
 
 
 def store_scaled(values: Float32, factor: float, out: Array) -> None:
-    """Write `values` times `factor` (a power of two) in the precision of `out`."""
+    """Write `values`, multiplied by `factor`, to `out`, in the precision of `out`. factor: a power of two."""
     if out.dtype == np.float16:
         kernels().store_float16(values=values.reshape(-1), factor=factor, out=out.view(np.uint16).reshape(-1))
     else:

@@ -24,13 +24,14 @@ from renderer.pyramid import Cut
 from renderer.scene import SplatSpec
 from renderer.volume import Float32, Float64, Int32, Int64
 
-# The radius of the Gaussian footprint, in standard deviations. About 0.2 % of the Gaussian lie outside.
+# The radius at which the Gaussian footprint ends, in standard deviations. About 0.2 % of the default Gaussian lies
+# outside.
 GAUSSIAN_CUTOFF = 3.2
 
 
 @dataclass(frozen=True)
 class GaussianFootprint:
-    """A Gaussian footprint without ripple.
+    """A Gaussian footprint: the weights with which a splat is spread over pixels, without ripple in a grid of splats.
 
     The weight is `exp(-decay q) (c0 + c1 q + c2 q^2) - rim`, with q the squared distance from the centre in standard
     deviations, up to `cutoff`, where the weight is 0. A step at the cutoff, however small, would be visible where the
@@ -42,12 +43,14 @@ class GaussianFootprint:
     and in space, with `a = 1 / (4 pi^2 s^2)` and `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is `1 + 3/2
     a (u - 2) + 1/2 a^2 (u^2 - 8 u + 8)`, which is nowhere negative for s > 0.26.
 
+    decay, coefficients, rim: the constants of the weight: `decay`, (c0, c1, c2) and `rim`.
+    cutoff: the radius of the footprint, in standard deviations.
     min_sigma_px: the smallest standard deviation, in pixels, to which narrower footprints are widened. Sampled at
-        pixels, the energy of a footprint of 0.5 pixels varies with its position by at most 3.9 %.
+        pixels, the sum of the weights of a footprint of 0.5 pixels varies with its position by at most 3.9 %.
     """
 
     name: ClassVar[Literal["gaussian"]] = "gaussian"
-    # The names of the fields that shaders use.
+    # The names of the fields of this class that shaders get as uniforms.
     uniforms: ClassVar = ("cutoff", "decay", "coefficients", "rim", "min_sigma_px")
 
     decay: float
@@ -78,18 +81,19 @@ class GaussianFootprint:
 class GouraudFootprint:
     """A footprint as in the paper: triangles around a centre, with linear weights (Laur and Hanrahan 1991, section 4).
 
-    vertices: float64 [v, 2], in standard deviations; vertex 0 is the centre.
-    weights: float64 [v], the weight at each vertex; linear in the triangles, with an integral of 1.
-    triangles: int32 [t, 3], the vertices of each triangle.
+    vertices: float64 [v, 2], the positions of vertices, in standard deviations; vertex 0 is the centre.
+    weights: float64 [v], the weight at each vertex. Weights are linear in the triangles, with an integral of 1.
+    triangles: int32 [t, 3], the indices of the vertices of each triangle.
     min_sigma_px: the smallest standard deviation, in pixels, to which narrower footprints are widened. It is larger
-        than for Gaussians, as the kinks of the mesh alias.
+        than for Gaussians, because the edges between triangles alias.
 
     On the image the vertices lie at `centre + root @ vertex`, in pixels with row 0 at the top; `root` is the lower
     triangular root (Cholesky) of the footprint's covariance.
     """
 
     name: ClassVar[Literal["gouraud"]] = "gouraud"
-    uniforms: ClassVar = ("min_sigma_px",)  # the names of the fields that shaders use
+    # The names of the fields of this class that shaders get as uniforms.
+    uniforms: ClassVar = ("min_sigma_px",)
 
     vertices: Float64
     weights: Float64
@@ -98,7 +102,10 @@ class GouraudFootprint:
 
     @classmethod
     def from_spec(cls, spec: SplatSpec) -> GouraudFootprint:
-        """Return the paper's footprint, scaled to the Gaussian's second moment and to an integral of 1."""
+        """Return the paper's footprint for a scene's settings.
+
+        The footprint is scaled so that its integral is 1, and its standard deviation along an axis is 1.
+        """
         angle = 2 * math.pi * np.arange(spec.angular) / spec.angular
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
         radii = np.arange(1, spec.radial + 1) / spec.radial
@@ -112,7 +119,7 @@ class GouraudFootprint:
 
     @property
     def cutoff(self) -> float:
-        """Return the outer radius of the mesh, in standard deviations."""
+        """Return the outer radius of the footprint's mesh, in standard deviations."""
         return float(np.hypot(*self.vertices.T).max())
 
 
@@ -136,7 +143,7 @@ class SplatBatch:
     footprint: GaussianFootprint | GouraudFootprint
 
     def __post_init__(self) -> None:
-        """Raise RenderError for splats that are not finite: they would vanish, or spoil half of the image."""
+        """Raise RenderError for splats that are not finite: such splats would vanish, or spoil half of the image."""
         if len(self.vertices) and not (np.isfinite(self.vertices.min()) and np.isfinite(self.vertices.max())):
             bad = np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))
             raise RenderError(
@@ -195,14 +202,17 @@ def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
 
 
 def _extents_of_codes(codes: Int64, shape: Int64) -> Int64:
-    """Return the numbers of voxels of cells along x, y, z, from the codes of the cells' shapes: int64 [m, 3]."""
+    """Return the numbers of voxels along x, y, z of cells of some shapes: int64 [m, 3].
+
+    codes: [m], the codes of the shapes, as in `_shape_codes`. shape: [3], the number of voxels of the volume.
+    """
     sides = 1 << (codes[:, None] >> 3)
     is_cut = (codes[:, None] >> np.arange(3)) & 1 == 1
     return np.where(is_cut, shape % sides, sides)
 
 
 def make_footprint(spec: SplatSpec) -> GaussianFootprint | GouraudFootprint:
-    """Return the footprint of a scene."""
+    """Return the footprint for a scene's settings of splats."""
     return (
         GaussianFootprint.from_sigma(spec.sigma) if spec.footprint == "gaussian" else GouraudFootprint.from_spec(spec)
     )
@@ -221,7 +231,7 @@ def _triangulate_disc(angular: int, radial: int) -> Int32:
 
 
 def _moments(vertices: Float64, weights: Float64, triangles: Int32) -> tuple[float, float]:
-    """Return the integral of the piecewise linear weight, and the integral times the weight's variance along an axis.
+    """Return two integrals over a mesh with linear weights in its triangles: of the weight w, and of w (x^2 + y^2) / 2.
 
     The quadrature rule with the centroid and three more points is exact for the cubic integrand (Strang and Fix 1973).
     """

@@ -1,5 +1,5 @@
 // Arrays of numpy, as kernels take them: contiguous, in C order, at any address (x86-64 and aarch64 read unaligned
-// numbers). Also memory that a kernel takes for itself.
+// numbers). Buffers are memory that a kernel takes for itself.
 #pragma once
 #include <stdint.h>
 
@@ -26,7 +26,7 @@ struct Array {
         return data[place];
     }
 
-    // The array behind the first index: a row of a matrix, or a plane of a volume.
+    // Return the part of the array at one first index: a row of a matrix, or a plane of a volume.
     INLINE Array<T, DIMENSIONS - 1> operator[](int64_t index) const
         requires(DIMENSIONS > 1)
     {
@@ -57,13 +57,13 @@ struct Array {
     }
 };
 
-// The elements of an array from a position on.
+// Return the elements of an array from a position on.
 template <class T>
 INLINE Array<T, 1> rest_of(const Array<T, 1>& array, int64_t place) {
     return {array.data + Array<T, 1>::checked(place, array.shape[0] + 1), {array.shape[0] - place}};
 }
 
-// An Array whose last sizes are fixed; Python checks them.
+// An Array whose last sizes are fixed, as in [n, 3]. Python checks them before the kernel runs.
 template <class T, int DIMENSIONS, int64_t...>
 using Sized = Array<T, DIMENSIONS>;
 
@@ -74,7 +74,7 @@ INLINE bool has_shape(const Array<T, DIMENSIONS>& array, Sizes... sizes) {
     return ((array.shape[axis++] == sizes) && ...);
 }
 
-// A read-only array of any of the dtypes of `with_array`. dtype: the number of its dtype there.
+// A read-only array of any dtype. dtype: the number of the dtype, as in `with_array`.
 template <int DIMENSIONS>
 struct AnyArray {
     const void* data;
@@ -82,14 +82,15 @@ struct AnyArray {
     int64_t dtype;
 };
 
+// A value that may be missing: None in Python.
 template <class T>
 struct Maybe {
     bool exists;
     T value;
 };
 
-// Call a generic lambda with an AnyArray as an Array of its dtype; the numbers of dtypes are those of DTYPES in
-// header.py.
+// Call a generic lambda with an array of any dtype as an Array of its element type. The number of a dtype is its
+// position in DTYPES in header.py.
 template <int DIMENSIONS, class Function>
 INLINE Status with_array(const AnyArray<DIMENSIONS>& any, Function function) {
     auto call = [&]<class T>(const T* data) {
@@ -115,8 +116,8 @@ INLINE Status with_array(const AnyArray<DIMENSIONS>& any, Function function) {
 extern "C" void* calloc(__SIZE_TYPE__ num, __SIZE_TYPE__ size) noexcept;
 extern "C" void free(void* memory) noexcept;
 
-// A buffer of zeros, aligned, which is freed at the end of the block. It is false if there is no memory for it: then
-// the kernel returns NO_MEMORY.
+// An aligned buffer of zeros, which is freed at the end of the block. As a bool, a buffer is false if there was no
+// memory for it; the kernel then returns NO_MEMORY.
 template <class T>
 struct Buffer : Array<T, 1> {
     void* memory;
@@ -137,7 +138,7 @@ INLINE T least(T a, T b) { return b < a ? b : a; }
 template <class T>
 INLINE T most(T a, T b) { return b > a ? b : a; }
 
-// Return whether the first sizes of other arrays all equal the sizes of the first array.
+// Return whether the shape of each other array begins with the shape of the first array.
 template <class T, int DIMENSIONS, class... Others>
 INLINE bool match(const Array<T, DIMENSIONS>& first, const Others&... others) {
     bool are_equal = true;

@@ -2,8 +2,7 @@
 //
 // Python reads these files, too (header.py), and fills each struct by the names of its members, from a record or from
 // keyword arguments. `tests/support/kernel_records.py` writes Python's records and signatures from them, comments
-// included. A member has its own line, below its comment. These types of members are known, and a file with others is
-// refused:
+// included. A member has its own line, below its comment. A header may only have these types of members:
 //
 //     int64_t, float, double, bool, ...   a number
 //     int64_t x[3]                        a tuple of three integers
@@ -16,9 +15,10 @@
 //     Array<const Struct, 1>              a sequence of such records
 //     Maybe<any of these but numbers>     a value of one of these types, or None
 //
-// KERNEL(name, Struct) declares a kernel that takes a Struct; LONG_KERNEL one that may take longer than a tenth of a
-// second, and stops when it is asked to (stopping.h). Members marked EACH_CALL differ between the calls that share the
-// others: `kernel.partial(...)` takes the others, and returns a function of these.
+// KERNEL(name, Struct) declares a kernel that takes a Struct. LONG_KERNEL(name, Struct) declares a kernel that may take
+// longer than a tenth of a second, and stops when the process is asked to end (stopping.h). Members marked EACH_CALL
+// differ from call to call: in Python, `kernel.partial(...)` takes the members without the mark, and returns a function
+// of the members with it.
 #pragma once
 #include "base/arrays.h"
 
@@ -41,7 +41,7 @@ KERNEL(guard_regions, GuardRegions)
 
 // Tell long kernels which flag stops them.
 struct HeedFlag {
-    // [1]: 0 as long as kernels may run. The array stays at its address while the process lives.
+    // [1]: the flag, 0 as long as kernels may run. The array stays at its address while the process lives.
     Array<const int32_t, 1> flag;
 };
 KERNEL(heed_flag, HeedFlag)

@@ -20,7 +20,8 @@ using Mask = Vector<bool, LANES>;
 
 // Operators that clang's vectors lack, or have with another meaning.
 
-// A mask with one bit for each lane, from a comparison of vectors, which gives 0 or -1 as an integer in each lane.
+// Return a mask with one bit for each lane, from a comparison of vectors, which gives 0 or -1 as an integer in each
+// lane.
 template <class V>
 INLINE auto mask_of(V compared) { return __builtin_convertvector(compared, Vector<bool, __builtin_vectorelements(V)>); }
 
@@ -30,13 +31,15 @@ INLINE bool any_of(Vector<bool, NUM> mask) { return __builtin_reduce_or(mask); }
 template <int NUM, class T>
 INLINE Vector<T, NUM> where(Vector<bool, NUM> mask, Vector<T, NUM> a, Vector<T, NUM> b) { return mask ? a : b; }
 
-// A vector with a number in all lanes.
+// Return a vector with a number in all lanes.
 template <class V, class T>
 INLINE V in_all(T number) { return (V)number; }
 
-// The maximum, and below it the minimum, as in Python: `a` if both are equal, or if one of them is NaN.
+// Return the larger number in each lane. As in Python, it is `a` if both are equal, or if one of them is NaN.
 template <class V>
 INLINE V max_of(V a, V b) { return where(mask_of(b > a), b, a); }
+
+// Return the smaller number in each lane. As in Python, it is `a` if both are equal, or if one of them is NaN.
 
 template <class V>
 INLINE V min_of(V a, V b) { return where(mask_of(b < a), b, a); }
@@ -139,7 +142,7 @@ INLINE void store(const Array<T, 1>& array, int64_t place, V lanes) {
 
 INLINE int64_t address(Ints places, int lane) { return (uint32_t)places[lane]; }
 
-// Join rows into one vector: the rows with the numbers FIRST, FIRST + STEP, ..., each loaded by `load_row`.
+// Join NUM rows into one vector: the rows with the numbers FIRST, FIRST + STEP, ..., each loaded by `load_row(number)`.
 template <int FIRST, int STEP, int NUM, class LoadRow>
 INLINE auto joined_rows(const LoadRow& load_row) {
     if constexpr (NUM == 1) {
@@ -155,7 +158,8 @@ struct Four {
     V a, b, c, d;
 };
 
-// Take the lanes A to D of each group of four lanes of two vectors; the numbers 4 to 7 are lanes of the second vector.
+// Return a vector in which each group of four lanes has lanes A, B, C and D of the same groups of two vectors. The
+// numbers 0 to 3 are lanes of the first vector's group, the numbers 4 to 7 lanes of the second vector's group.
 template <int A, int B, int C, int D, class V, int... LANE>
 INLINE V interleave(V one, V other, Lanes<LANE...>) {
     constexpr int num = sizeof...(LANE), picked[4] = {A, B, C, D};
@@ -185,14 +189,16 @@ INLINE auto columns_of(const LoadRow& load_row) {
                      joined_rows<2, 4, fours>(load_row), joined_rows<3, 4, fours>(load_row));
 }
 
-// Return array[places] and the three elements after each. Base: an Array or a pointer, here and below.
+// Return, for each lane, the element of an array at the lane's place and the three elements after it, as four vectors.
+// Base: an Array or a pointer, here and below.
 template <class Base>
 INLINE auto load_four(const Base& array, Ints places) {
     using T = __remove_cvref(decltype(array[0]));
     return columns_of([&](int lane) { return load<Vector<T, 4>>(array, address(places, lane)); });
 }
 
-// Return array[places] and the element after each. Gather instructions would take a quarter longer, on a Zen 4.
+// For each lane, write the element of an array at the lane's place to `first`, and the element after it to `second`.
+// Gather instructions would take a quarter longer, on a Zen 4.
 template <class Base>
 INLINE void load_pairs(const Base& array, Ints places, Floats& first, Floats& second) {
     auto load_two = [&](int lane) {
@@ -204,7 +210,8 @@ INLINE void load_pairs(const Base& array, Ints places, Floats& first, Floats& se
     second = interleave<1, 3, 5, 7>(one, other, UpTo<LANES>());
 }
 
-// Return the row of one lane, from four vectors that have been transposed.
+// Return the four numbers (a, b, c, d) of one lane, from the result of `transpose(a, b, c, d)`, where they are side by
+// side.
 template <int LANE, class V>
 INLINE auto row_of(const Four<V>& transposed) {
     constexpr int number = LANE % 4;
@@ -222,7 +229,8 @@ INLINE auto gather(const Base& array, Ints places) {
     return lanes;
 }
 
-// Return table[at], by instructions that the compiler does not find itself.
+// Return, in each lane, the lane of `table` whose number is in `at`, by instructions that the compiler does not find
+// itself.
 INLINE Floats permute(Floats table, Ints at) {
 #if LANES == 16 && defined(__AVX512F__)
     return __builtin_bit_cast(

@@ -44,7 +44,10 @@ consteval double rounded(Quad x, double unit) {
 struct PowersOfTwo {
     static constexpr int64_t NUM = 128;
     struct {
-        double near, lack;
+        // 2^(j / 128), rounded to float64.
+        double near;
+        // The exact power less `near`, as a share of `near`.
+        double lack;
     } of[NUM];
 
     consteval PowersOfTwo() : of() {
@@ -57,7 +60,7 @@ struct PowersOfTwo {
 };
 inline constexpr PowersOfTwo POWERS_OF_TWO;
 
-// Return number * 2^exponent, if both factors are normal numbers.
+// Return number * 2^exponent. Both the number and the product must be normal floats: neither 0, tiny nor infinite.
 INLINE double times_power_of_two(double number, int64_t exponent) {
     return __builtin_bit_cast(double, __builtin_bit_cast(uint64_t, number) + ((uint64_t)exponent << 52));
 }
@@ -65,13 +68,17 @@ INLINE double times_power_of_two(double number, int64_t exponent) {
 // A reduced exponential: exp(high + low) = (near + near * share) * 2^exponent, with near = 2^(j / 128) and |share| <
 // 0.00271.
 struct Reduced {
-    double near, share;
+    // 2^(j / 128) for an index j from 0 to 127, rounded to float64.
+    double near;
+    // The share of `near` that is added to `near`.
+    double share;
+    // The exponent of the power of two.
     int64_t exponent;
 };
 
 // Reduce exp(high + low), for |high| below 2^20 and a far smaller |low|.
 INLINE Reduced reduce(double high, double low) {
-    constexpr double to_integer = 0x1.8p52;  // a sum with it has no bits after the binary point
+    constexpr double to_integer = 0x1.8p52;  // a sum with this number has no bits after the binary point
     constexpr Quad exact = LOG_2 / PowersOfTwo::NUM;
     constexpr double unit = (double)(1 / exact), step = rounded(exact, 0x1p-42), step_lacks = (double)(exact - step);
     double shifted = high * unit + to_integer, k = shifted - to_integer;  // k * step is exact
@@ -81,7 +88,7 @@ INLINE Reduced reduce(double high, double low) {
     return {near, (lack + x) + x * x * series, (int64_t)k >> 7};
 }
 
-// Return exp(high + low) if the result may be no normal number, or if high is NaN.
+// Return exp(high + low), also where the result overflows, is denormal or 0, or where high is NaN.
 inline double extreme_exp(double high, double low) {
     if (high > 710.0) return INFINITE;
     if (high < -746.0) return 0.0;
@@ -104,18 +111,22 @@ INLINE double exp_of_sum(double high, double low) {
     return __builtin_fabs(high) < 700.0 ? moderate_exp(high, low) : extreme_exp(high, low);
 }
 
-// A table of logarithms. The numbers from one to its double are divided into intervals, with 1 in the middle of an
-// interval. For each interval the table has an inverse of 10 bits, and the negative of its logarithm: 1 and 0 for the
-// interval around 1.
+// A table of logarithms. The numbers from 0.69 to 1.38, its double, are divided into intervals, one of which has 1 in
+// its middle.
 struct Logarithms {
-    // The number of intervals. All have equally many float64 numbers.
+    // The number of intervals. All intervals hold equally many float64 numbers.
     static constexpr int64_t NUM = 128;
     // The bits of the first number of the first interval.
     static constexpr uint64_t FIRST = 0x3fe6100000000000;
     // The width of an interval, as the difference of the bits of its ends.
     static constexpr uint64_t WIDTH = 1ull << 45;
     struct {
-        double inverse, high, low;
+        // The inverse of the middle of the interval, rounded to 10 bits; 1 for the interval around 1.
+        double inverse;
+        // The negative logarithm of `inverse`, rounded to a multiple of 2^-42.
+        double high;
+        // The negative logarithm of `inverse`, less `high`.
+        double low;
     } of[NUM];
 
     consteval Logarithms() : of() {
@@ -131,7 +142,7 @@ struct Logarithms {
 };
 inline constexpr Logarithms LOGARITHMS;
 
-// Return x^y for x = number * 2^exponent above 0. bits: the bits of the number, which is normal.
+// Return x^y for x = number * 2^exponent above 0. bits: the bits of the number, which is a normal float.
 INLINE double power_of_normal(uint64_t bits, int64_t exponent, double y) {
     constexpr double log_2 = rounded(LOG_2, 0x1p-42), rest_of_log_2 = (double)(LOG_2 - log_2);
     auto shortened = [](double number, int num_bits) {  // the nearest number whose last bits are 0
@@ -177,7 +188,7 @@ inline double extreme_power(double x, double y) {
 }  // namespace maths
 
 INLINE double exp_of(double x) {
-    return maths::exp_of_sum(x, -0.0);  // adding -0.0 leaves any number as it is
+    return maths::exp_of_sum(x, -0.0);  // -0.0, because adding it changes no number
 }
 
 // Return exp(x) - 1.

@@ -1,6 +1,7 @@
-// The x86-64 level (1 to 4) that this processor and its operating system offer; 0 on other machines.
+// Find the x86-64 level (1 to 4) that this processor and its operating system offer; 0 on other machines.
 //
-// A library of its own, for the lowest level: it must run everywhere. `__builtin_cpu_supports` of zig always says no.
+// This file becomes a library of its own, compiled for the lowest level, because it must run on every processor. It
+// asks the processor itself, because zig's `__builtin_cpu_supports` always says no.
 #if defined(__x86_64__)
 #include <cpuid.h>
 

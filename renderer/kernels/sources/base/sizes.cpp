@@ -1,4 +1,5 @@
-// The size of each kernel's struct, by which Python checks that both languages lay structs out alike.
+// Export the size of each kernel's struct. Python compares it with its own, to check that both languages lay structs
+// out alike.
 #define KERNEL(name, Arguments) \
     extern "C" __attribute__((visibility("default"))) const int64_t name##_bytes = sizeof(Arguments);
 #include "base/kernels.h"

@@ -4,6 +4,7 @@
 
 namespace {
 
+// The flag before Python gives one: kernels never stop.
 const int32_t never = 0;
 
 }  // namespace

@@ -1,9 +1,9 @@
 // Continue the field of a brick into voxels without data, which are NaN, as it is continued beyond the volume's border.
 //
-// A voxel covers the points that are nearest to it: points that a voxel without data covers are not drawn. Between a
-// voxel and one without data, the field is interpolated to the mean of the nearest of the latter's 26 neighbours that
-// have data. Beside a plane of voxels with data, this mean is the voxel itself, so that data look the same with NaN
-// around them or without.
+// A voxel covers the points that are nearest to it: points that a voxel without data covers are not drawn. For
+// interpolation, a voxel without data takes the mean of the nearest of its 26 neighbours that have data. Beside a plane
+// of voxels with data, this mean is the value of the neighbour in the plane, so that data look the same whether NaN or
+// the volume's border is around them.
 #pragma once
 #include "base/lanes.h"
 #include "bricks/brick_voxels.h"
@@ -12,14 +12,15 @@ namespace {
 
 using Eight = Vector<double, 8>;
 
-// For eight voxels, return the mean of the nearest data among their 26 neighbours; NaN if no neighbour has data.
-// cells_at: a function that loads, by number, one of the 27 cells around each, x before y before z.
+// For each of eight voxels, return the mean of the nearest of its 26 neighbours that have data; NaN if no neighbour has
+// data. cells_at(number): a function that loads, for all eight, one of the 27 voxels around each. In the number from 0
+// to 26, x is fastest.
 template <class Load>
 INLINE Eight means_of_nearest(const Load& cells_at) {
-    constexpr double scale = 16;  // means of up to twelve numbers do not overflow
+    constexpr double scale = 16;  // with this divisor, sums of up to twelve numbers do not overflow
     Eight means = in_all<Eight>(__builtin_nan(""));
 #pragma clang loop unroll(full)
-    for (int distance = 3; distance > 0; distance--) {  // squared; the nearest come last, so that they count
+    for (int distance = 3; distance > 0; distance--) {  // the squared distance; the nearest ones come last
         Eight totals = {}, nums = {};
 #pragma clang loop unroll(full)
         for (int number = 0; number < 27; number++) {

@@ -4,11 +4,14 @@
 
 namespace {
 
-// The number of texels from one texel to the next along x, y, z.
+// The distance in memory from one texel of a brick to the next along x, y, z, in texels.
 constexpr int64_t STRIDES[3] = {1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE};
 
+// A brick at the volume's border, whose texels are changed in place.
 struct Border {
-    Array<float, 2> texels;  // the texels of a brick, [18^3, 4]
+    // [18^3, 4]: the texels of the brick.
+    Array<float, 2> texels;
+    // The largest ratio of a colour to its optical depth, to which extrapolated colours are clamped.
     double brightest;
 
     // Write to the texel `at` a value extrapolated `distance` cells beyond the middle of `last`, along the line through
@@ -30,7 +33,7 @@ struct Border {
     // cell: the brick's position along the axis. extent: the volume's extent in cells. num_cells: the extent, rounded
     // up.
     void extrapolate_axis(int axis, int64_t cell, double extent, int64_t num_cells) const {
-        int64_t last = num_cells - BRICK_SIZE * cell;  // the last cell's texel
+        int64_t last = num_cells - BRICK_SIZE * cell;  // the index of the texel of the last cell
         if (cell > 0 && last > PADDED_BRICK_SIZE - 1) return;
         int64_t step = STRIDES[axis], other = STRIDES[(axis + 1) % 3], another = STRIDES[(axis + 2) % 3];
         double share = extent - (double)num_cells + 1, to_centre = 0.5 - 0.5 * share;
@@ -51,7 +54,8 @@ struct Border {
 
 }  // namespace
 
-// Turn texels that hold means of cells into texels of the field.
+// Turn texels that hold means of cells into texels that hold the field at the cells' centres, also beyond the volume's
+// border.
 Status extrapolate_border(const ExtrapolateBorder* arguments) {
     const auto& [cells, extents, brightest, texels] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;

@@ -6,7 +6,7 @@
 Status measure_ranges(const MeasureRanges* arguments) {
     const auto [voxels, cells, ranges] = *arguments;
     if (!fit_together(voxels, cells) || !has_shape(ranges, cells.shape[0], 2)) return OUT_OF_BOUNDS;
-    // The values that replace voxels without data may lie outside the brick of these voxels.
+    // A voxel without data takes a mean of its neighbours, which may lie outside the brick.
     Cube around(PADDED_BRICK_SIZE + 2 * voxels.has_absent);
     if (!around) return NO_MEMORY;
     for (int64_t i = 0; i < cells.shape[0]; i++) {

@@ -5,7 +5,8 @@
 
 namespace {
 
-// Return a difference times its weight: one-sided beside a voxel without data, and NaN in such a voxel.
+// Return the scaled difference of the voxels after and before a voxel, times a weight. The difference is one-sided
+// beside a voxel without data, and NaN at such a voxel.
 template <bool HAS_ABSENT>
 INLINE double difference(double before, double here, double after, double scale, double weight) {
     if constexpr (HAS_ABSENT) {
@@ -17,13 +18,15 @@ INLINE double difference(double before, double here, double after, double scale,
     return (after * scale - before * scale) * weight;
 }
 
-// For each texel along an axis: the nearest voxel of the volume, and the weight of the difference of the two voxels
-// beside it, which is the reciprocal of their distance unless another weight is given.
+// The voxels of the volume that give the gradients of the texels along one axis of a brick.
 struct Places {
+    // For each texel, the nearest voxel of the volume, counted from the first texel on.
     int64_t nearest[PADDED_BRICK_SIZE + 2];
+    // For each texel, the weight of the difference between the two voxels beside the nearest one.
     double weights[PADDED_BRICK_SIZE + 2];
 
-    // num: the number of voxels of the volume along the axis. start: the voxel of the volume at place 0.
+    // num: the number of voxels of the volume along the axis. start: the voxel of the volume at the first texel.
+    // side: the number of texels. weight: the weight of all differences; 0 for the reciprocal of their distance.
     Places(int64_t num, int64_t start, int64_t side, double weight) {
         for (int64_t t = 0; t < side; t++) {
             int64_t voxel = least(most<int64_t>(start + t, 0), num - 1);
@@ -77,9 +80,9 @@ void smooth(const Field& field) {
         }
 }
 
-// The length of the vector towards the light that is added to the normals of labels, whose own length, the slope of
-// smoothed opacities, is at most 3/8. Where a clip plane cuts a label far from its surface there is no slope, and the
-// cut would be dark.
+// The length of a vector towards the light that is added to the normals of labels. A normal of a label is the slope of
+// smoothed opacities, at most 3/8 long. Where a clip plane cuts a label far from its surface, the slope is 0, and
+// without this vector the cut would be dark.
 constexpr double TILT = 0.05;
 
 // Write the gradients of the smoothed opacities of labels to `gradients` [3, n, n, n]; other parameters are as in

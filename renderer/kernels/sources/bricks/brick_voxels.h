@@ -3,13 +3,13 @@
 #include "bricks/kernels.h"
 #include "volume/voxels.h"
 
-// The number of levels of the octree inside a brick.
+// The number of octree levels between a brick and its cells.
 constexpr int64_t BRICK_LEVELS = 4;
 // The number of cells along each axis of a brick.
 constexpr int64_t BRICK_SIZE = 1 << BRICK_LEVELS;
 // The number of cells on each side of a brick that its texels hold, too.
 constexpr int64_t HALO = 1;
-// The number of texels along each axis of a brick.
+// The number of texels along each axis of a brick with its halo.
 constexpr int64_t PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
 
 namespace {
@@ -52,8 +52,10 @@ inline void clear_beyond_border(const Voxels& voxels, const Array<const int32_t,
                 if (is_beyond(2, z) || is_beyond(1, y) || is_beyond(0, x)) field(z, y, x) = 0;
 }
 
+// A range of scalars, from `low` to `high`; empty if `low` is above `high`.
 struct Range {
-    double low, high;
+    double low;
+    double high;
 };
 
 // Return the smallest and the largest number of a field; infinity and minus infinity if all numbers are NaN.

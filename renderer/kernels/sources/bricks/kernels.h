@@ -4,7 +4,8 @@
 
 // The voxels of a volume, from which kernels make bricks.
 struct Voxels {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
     // [patterns]: the scalar of each bit pattern; None if the voxels themselves are scalars.
     Maybe<Array<const double, 1>> scalars;
@@ -17,22 +18,24 @@ struct Voxels {
 // Measure the dual cells, each between eight voxel centres, in bricks of level 0.
 struct MeasureVoxelBricks {
     Voxels voxels;
-    // [n, 3]: the bricks (x, y, z).
+    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
     EACH_CALL Array<const int32_t, 2> cells;
-    // The scalars at which visibility changes (renderer/transfer/transfer_function.py).
+    // The scalars, ascending, at which the transfer function changes between invisible and visible
+    // (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
     // The channels w whose variation is measured, as a function of the scalar.
     TransferTable curve;
     // [z, y, x]: 0 for voxels that a mask hides; None without a mask.
     Maybe<Array<const uint8_t, 3>> shown;
-    // Whether labels are lit; light makes their ends visible.
+    // Whether labels are lit. Lit labels end at the border of the volume; unlit labels continue beyond.
     bool are_lit;
-    // [n, 18, 18, 18, 4]: w of voxels that are colours; w is linear between voxels. Only J is measured then.
+    // [n, 18, 18, 18, 4]: the channels w of voxels that are colours, linear between voxels: of the measures, only J is
+    // then written. None to measure by the voxels' scalars.
     EACH_CALL Maybe<Array<const float, 5>> texels;
     // [z, y, x, 2, 3]: the visible bounds of the bricks, as in BrickLevel; the caller must zero the array.
     Array<float, 5> bounds;
-    // [3, z, y, x]: the largest D or J, and the root mean squares of D / width^2 and of J; the caller must zero the
-    // array.
+    // [3, z, y, x]: for each brick, the largest D or J, and the root mean squares of D / width^2 and of J, which
+    // subvoxel.cpp defines; the caller must zero the array.
     Array<double, 4> measures;
 };
 LONG_KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
@@ -40,7 +43,7 @@ LONG_KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
 // Find the ranges of scalars in bricks of level 0 and their halo.
 struct MeasureRanges {
     Voxels voxels;
-    // [n, 3]: the bricks (x, y, z).
+    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
     EACH_CALL Array<const int32_t, 2> cells;
     // [n, 2]: the smallest and the largest scalar of each brick.
     EACH_CALL Array<double, 2> ranges;
@@ -49,18 +52,25 @@ KERNEL(measure_ranges, MeasureRanges)
 
 // Add nodes to the statistics of bricks (NodeStatistics in renderer/bricks/node_statistics.py).
 struct AddNodes {
-    // [n, 3]: the nodes (x, y, z).
+    // [n, 3]: the place (x, y, z) of each node, in widths of a node.
     Array<const int32_t, 2> cells;
     // [n]: the number of voxels of each node.
     Array<const int64_t, 1> sizes;
-    // [n]: the error of each node.
+    // [n]: the error of each node, in the unit of the error measure.
     Array<const double, 1> errors;
     // [n]: whether each node is visible.
     Array<const bool, 1> is_visible;
-    // The statistics of bricks, as in NodeStatistics, and so are the next three members.
+    // [z, y, x, 3, 3, 3]: the largest error of each brick's nodes in the halo of each neighbour, as in NodeStatistics.
+    // The array is updated.
     Array<double, 6> max_error_by_neighbour;
+    // [z, y, x, 3, 3, 3, 2, 3]: the bounds of each brick's visible nodes in the halo of each neighbour, as in
+    // NodeStatistics. The array is updated.
     Array<uint8_t, 8> bounds_by_neighbour;
+    // [z, y, x]: the largest error of the nodes in each brick of the level below, as in NodeStatistics. The array is
+    // updated.
     Array<double, 3> max_error_below;
+    // [z, y, x]: the sum of squared errors of the nodes in each brick of the level below, as in NodeStatistics. The
+    // array is updated.
     Array<double, 3> squared_errors_below;
 };
 KERNEL(add_nodes, AddNodes)
@@ -68,35 +78,36 @@ KERNEL(add_nodes, AddNodes)
 // Make the texels of bricks of level 0, as `scalar_texels` returns them (renderer/bricks/texels.py).
 struct FillScalarTexels {
     Voxels voxels;
-    // [n, 3]: the bricks (x, y, z).
+    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
     Array<const int32_t, 2> cells;
-    // The scalar for which a texel is 0.
+    // The scalar whose texel is 0: the start of the range to which scalars are normalized.
     double first;
-    // The width of the range of scalars, multiplied by `factor`, as `range_width` returns both.
+    // The width of the range of scalars, multiplied by `factor`, as `range_width` returns it.
     double width;
+    // The factor on scalars, 1 or 1/2, with which their differences do not overflow.
     double factor;
     // [3, 3]: the matrix from gradients along the index axes to world axes; its largest entry is 1.
     double world_from_gradient[9];
-    // A power of two. Multiplied by it, no difference of two scalars overflows.
+    // A power of two by which scalars are multiplied for gradients, so that no difference of two scalars overflows.
     double scale;
     // The direction (x, y, z), a unit vector, to which the normals of labels are turned a little; zeros to turn none.
     double toward_light[3];
     // [labels]: the opacity of a voxel of each label, by the label's number.
     Array<const double, 1> opacities;
-    // [n, 18^3]: the scalars; with light [n, 4 * 18^3], where gradients follow the scalars.
+    // [n, 18^3]: the scalars of each brick and its halo; with light [n, 4 * 18^3], with gradients after the scalars.
     Array<float, 2> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)
 
 // Continue the means of bricks beyond the volume's border (renderer/bricks/texels.py).
 struct ExtrapolateBorder {
-    // [n, 3]: the bricks (x, y, z).
+    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
     Array<const int32_t, 2> cells;
-    // The volume's extents (x, y, z), in cells of the level.
+    // The extents (x, y, z) of the volume, in cells of the level of the bricks.
     double extents[3];
-    // The largest ratio of a colour to its optical depth.
+    // The largest ratio of a mean of tau c to a mean of tau; colours are clamped to it.
     double brightest;
-    // [n, 18, 18, 18, 4]: the means of cells, which are turned into texels of the field.
+    // [n, 18, 18, 18, 4]: the means of cells, which are turned into values of the field at the cells' centres.
     Array<float, 5> texels;
 };
 KERNEL(extrapolate_border, ExtrapolateBorder)

@@ -27,9 +27,9 @@ INLINE void add_by_neighbour(int64_t x, int64_t y, int64_t z, double error, bool
 
 // Add nodes to the statistics.
 //
-// Errors, multiplied by the nodes' sizes, are added to the bricks of the level below: to the largest error of each
-// brick, and to its sum of squares, which is divided by the square of the largest so that it neither overflows nor
-// vanishes.
+// A node also counts for the brick of the level below in which it lies: for the brick's largest error, and for its sum
+// of squared errors, weighted by the nodes' numbers of voxels. The sum is divided by the square of the largest error,
+// so that it neither overflows nor vanishes.
 Status add_nodes(const AddNodes* arguments) {
     const auto [cells, sizes, errors, is_visible, largest, bounds, largest_below, squares_below] = *arguments;
     int64_t num = errors.shape[0];

@@ -8,8 +8,8 @@ INLINE uint8_t to_8_bits(float scaled) { return (uint8_t)(int32_t)least(most(sca
 
 }  // namespace
 
-// Write an image with three or four channels. With three, premultiplied colours are composited over the background of
-// their row, `c + (1 - a) b`. With four, they are converted to straight alpha, `c / a`.
+// Write an image with three or four channels. With three channels, premultiplied colours c with alpha a are composited
+// over the background b of their row: `c + (1 - a) b`. With four, colours are converted to straight alpha: `c / a`.
 Status quantize(const Quantize* arguments) {
     const auto [image, background, result] = *arguments;
     int64_t num = image.shape[0] * image.shape[1], channels = result.shape[2];

@@ -4,15 +4,16 @@
 
 // Average the optical depths of voxels over a slab of cells.
 struct AverageVoxels {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
-    // [patterns]: the optical depth of each bit pattern; None if there is a curve.
+    // [patterns]: the optical depth of each bit pattern of a voxel; None if `curve` is given.
     Maybe<Array<const float, 1>> by_pattern;
     // The transfer function, if scalars have more than 16 bits; otherwise None.
     Maybe<TransferTable> curve;
     // The level of the cells, which are 2^level voxels wide.
     int64_t level;
-    // The number of the slab, along z.
+    // The index of the slab of cells, along z.
     EACH_CALL int64_t slab;
     // [y, x]: the mean optical depth of each cell.
     EACH_CALL Array<float, 2> out;
@@ -21,19 +22,19 @@ LONG_KERNEL(average_voxels, AverageVoxels)
 
 // Find how much light reaches a slab of cells, by rays from their centres.
 struct Transmit {
-    // [z + 2, y + 2, x + 2]: the mean optical depth of each cell over a finest voxel spacing. The outermost cells are
-    // repeated once beyond each border.
+    // [z + 2, y + 2, x + 2]: the mean optical depth of each cell, on a path as long as the finest voxel spacing. The
+    // outermost cells are repeated once beyond each border.
     Array<const float, 3> depths;
     // [rays, samples, 3] (x, y, z): the offsets of the samples of each ray from its start, outwards, in cells.
     Array<const float, 3> offsets;
-    // [z + 2, y + 2, parts of rows]: whether any depth is above 0 in a part of a row, in the next part, or in the same
-    // two parts of the rows behind.
+    // [z + 2, y + 2, parts]: for each part of 16 cells of a row, whether any depth is above 0 in the part or the next
+    // one, or in the same two parts of the next rows along y and z.
     Array<const bool, 3> filled;
     // [samples]: the length that each sample stands for, in finest voxel spacings.
     Array<const float, 1> lengths;
-    // The position of the volume's border (x, y, z), in cells, where rays end.
+    // The highest corner of the volume (x, y, z), in cells; rays end at the volume's border.
     float end[3];
-    // The number of the slab, along z.
+    // The index of the slab of cells, along z.
     EACH_CALL int64_t slab;
     // [y, x]: the mean transmission of the rays of each cell.
     EACH_CALL Array<float, 2> out;

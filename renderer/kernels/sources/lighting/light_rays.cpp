@@ -1,7 +1,7 @@
 // Average extinctions over cells, and send rays through them.
 //
-// Grids repeat the outermost cells once beyond each border, so that the nearest cells hold there. Positions are in
-// cells: the centre of cell i is at i + 1 along each axis, and the volume begins at 1/2.
+// Grids repeat the outermost cells once beyond each border, so that interpolation has cells on both sides there.
+// Positions are in cells: the centre of cell i is at i + 1 along each axis, and the volume begins at 1/2.
 #include "lighting/kernels.h"
 #include "base/lanes.h"
 #include "base/stopping.h"
@@ -10,15 +10,16 @@
 
 namespace {
 
-// The optical depth beyond which no light counts: a share of exp(-10) of it is left, 5e-5.
+// The optical depth beyond which a ray ends, because no more than exp(-10) = 5e-5 of its light is left.
 constexpr float OPAQUE_DEPTH = 10.0f;
 
-// The number of cells in a part of a row, as in renderer/lighting/light_grid.py.
+// The number of cells in a part of a row of cells. Parts in which nothing is visible are skipped. The number is the
+// same in renderer/lighting/light_grid.py.
 constexpr int64_t CELLS_OF_PART = 16;
 static_assert(LANES <= CELLS_OF_PART);
 
 // Return the values of a grid at the positions of lanes that are all in one row, as `interpolate_cells` does. Only
-// values in the lanes of `mask` have a meaning.
+// values in the lanes of `is_met` have a meaning.
 INLINE Floats interpolate_row(const Array<const float, 3>& grid, Floats x, float y, float z, Mask is_met) {
     const Array<const float, 1> flat = {grid.data, {grid.size()}};
     int64_t j = (int64_t)y, k = (int64_t)z, row = grid.shape[2], slab = grid.shape[1] * row;
@@ -93,10 +94,10 @@ Status transmit(const Transmit* arguments) {
     if (!fits) return OUT_OF_BOUNDS;
     auto is_inside = [&](int axis, float place) { return 0.5f <= place && place <= end[axis]; };
     int64_t num = out.shape[1];
-    // Arrays for a row of cells, in whole vectors: the largest depth of each cell and its neighbours, the depth of a
-    // ray, and the sum of transmissions.
+    // Arrays for a row of cells, with room for whole vectors: for each cell, the largest optical depth of the cell and
+    // its neighbours, the optical depth of a ray so far, and the sum of the transmissions of rays.
     Buffer<float> deepest(num + 2), ray_depths(num + LANES), totals(num + 2 + LANES);
-    Buffer<int64_t> starts(num);  // first cells of vectors in which each cell has something visible near it
+    Buffer<int64_t> starts(num);  // the first cell of each vector of cells; something is visible near this cell
     if (!deepest || !ray_depths || !totals || !starts) return NO_MEMORY;
     for (int64_t row = 0; row < out.shape[0]; row++) {
         if (is_stopped()) return STOPPED;

@@ -9,11 +9,14 @@
 
 namespace {
 
+// A test of whether a block of voxels may show anything.
 class VisibilityTest {
+    // The largest number of voxels along each axis of a block.
     static constexpr int64_t SIDE = 8;
     const AnyArray<3>& raw;
     const Classifier& classifier;
-    Buffer<bool> is_visible;  // whether each bit pattern is visible
+    // Whether each bit pattern of a voxel is visible; empty for voxels of more than 16 bits.
+    Buffer<bool> is_visible;
 
     template <class T>
     bool has_visible_voxel(const Array<const T, 3>& patterns, const VoxelBox& box) const {
@@ -22,7 +25,7 @@ class VisibilityTest {
             for (int64_t y = 0; y < extent[1]; y++) {
                 const T* row = &patterns(first[2] + z, first[1] + y, first[0]);
                 bool found = false;
-                if (extent[0] == SIDE)  // a fixed number, which the compiler unrolls
+                if (extent[0] == SIDE)  // a fixed number of voxels, so that the compiler unrolls the loop
                     for (int64_t x = 0; x < SIDE; x++) found |= is_visible[row[x]];
                 else
                     for (int64_t x = 0; x < extent[0]; x++) found |= is_visible[row[x]];
@@ -45,7 +48,7 @@ class VisibilityTest {
                 if (extent[0] == SIDE) values = load<Row>(row, 0);
                 else
                     for (int64_t x = 0; x < SIDE; x++) values[x] = row[least(x, extent[0] - 1)];
-                low = min_of(low, values), high = max_of(high, values);  // if the second number is NaN, the first one
+                low = min_of(low, values), high = max_of(high, values);  // NaN in `values` has no effect
             }
         T lowest = low[0], highest = high[0];
         for (int lane = 1; lane < SIDE; lane++) lowest = least(lowest, low[lane]), highest = most(highest, high[lane]);
@@ -60,7 +63,7 @@ class VisibilityTest {
                 is_visible[pattern] = by.table.value(pattern, 3) > 0;
     }
 
-    // False if there was no memory.
+    // Return false if there was no memory for the test.
     explicit operator bool() const { return (bool)is_visible; }
 
     // Return whether a block of at most SIDE voxels along each axis may show anything.

@@ -2,83 +2,91 @@
 #pragma once
 #include "transfer/kernels.h"
 
-// Room for the visible nodes of several groups: for each level, room for all groups; one level after the other.
+// Arrays for the visible nodes of several groups. A group is 64 nodes, their 8 parents, and one root (nodes.cpp).
 //
-// A level's visible nodes are at its beginning, in Morton order.
+// Arrays have room for all nodes of all groups: first the lowest level of every group, then the middle level, then the
+// roots. In the room of each level, its visible nodes come first, in Morton order.
 struct VisibleNodes {
-    // [n, 4]: the means of the nodes' channels.
+    // [n, 4]: the means of the four channels of each node.
     Array<float, 2> means;
-    // [n]: the standard deviations of the nodes: the roots of their variances, summed over channels.
+    // [n]: the standard deviation of each node: the square root of the sum of its channels' variances.
     Array<float, 1> deviations;
-    // [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for the first level of
-    // blocks.
+    // [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for nodes of level 1, whose
+    // children are voxels.
     Array<uint8_t, 1> masks;
-    // [n, 3]: the nodes (x, y, z); empty if not asked for.
+    // [n, 3]: the place (x, y, z) of each node, in widths of the node; empty if the caller needs no places.
     Array<int32_t, 2> cells;
-    // [n]: the number of voxels of each node; empty if not asked for.
+    // [n]: the number of voxels of each node; empty if the caller needs no numbers.
     Array<int64_t, 1> sizes;
-    // [3]: the number of visible nodes of each level.
+    // [3]: the number of visible nodes on each level of the groups.
     Array<int64_t, 1> counts;
-    // [groups, 4]: the means of each group's root, visible or not.
+    // [groups, 4]: the means of the channels of each group's root, visible or not.
     Array<float, 2> root_means;
     // [groups, channels]: the means of each group's root, in the channels that errors are measured on.
     Array<double, 2> root_error_means;
-    // [groups, channels]: the variances of the root node of each group of nodes, in the channels that errors are
-    // measured on.
+    // [groups, channels]: the variances of each group's root, in the channels that errors are measured on.
     Array<double, 2> root_variances;
 };
 
-// Build the nodes of blocks of 8^3 voxels.
+// Build the nodes of blocks of 8^3 voxels: levels 1 to 3 of the pyramid.
 struct BuildBlocks {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
     // The classifier of the channels whose means are stored.
     Classifier classifier;
-    // The classifier of the channels that errors are measured on; None if these are the stored channels, or scalars.
+    // The classifier of the channels that errors are measured on; None if errors are measured on the stored channels or
+    // on scalars.
     Maybe<Classifier> error_classifier;
     // [2]: an offset and a scale of the scalars that errors are measured on; None if errors are measured on channels.
     Maybe<Array<const double, 1>> normalization;
-    // The variances below which nodes of level 2, and of level 3, are leaves in every cut.
+    // The limits of the variance for nodes of level 2, and of level 3: a node below the limit is drawn as one cell at
+    // every tolerance, and the nodes inside it are not stored.
     double leaf_variance_limits[2];
-    // [z, y, x]: the cells of `occupied_level` that hold a visible node. The array is updated.
+    // [z, y, x]: whether each cell of `occupied_level` holds a visible node. The array is updated.
     Array<bool, 3> occupied;
+    // The level of the cells of `occupied`, which are 2^level voxels wide.
     int64_t occupied_level;
-    // [n, 3]: the first voxel of each block (x, y, z).
+    // [n, 3]: the place (x, y, z) of the first voxel of each block.
     EACH_CALL Array<const int64_t, 2> starts;
-    // [n, 3]: the voxels of each block that are inside the volume (x, y, z).
+    // [n, 3]: the number of voxels (x, y, z) of each block that are inside the volume.
     EACH_CALL Array<const int64_t, 2> extents;
     // [n]: whether each block may show something. Only these blocks have nodes.
     EACH_CALL Array<bool, 1> visible;
+    // The visible nodes of the blocks, which the kernel writes.
     VisibleNodes nodes;
 };
 LONG_KERNEL(build_blocks, BuildBlocks)
 
-// Merge the roots of groups into larger groups.
+// Merge the roots of groups into larger groups: two more levels of the pyramid.
 struct MergeTier {
-    // [n, 4]: the means of the roots' channels.
+    // [n, 4]: the means of the four channels of each root.
     Array<const float, 2> means;
-    // [n, channels]: the means of the roots, in the channels that errors are measured on.
+    // [n, channels]: the means of each root, in the channels that errors are measured on.
     Array<const double, 2> error_means;
-    // [n, channels]: the variances of the roots, in the channels that errors are measured on.
+    // [n, channels]: the variances of each root, in the channels that errors are measured on.
     Array<const double, 2> variances;
     // [n]: 64 times the number of a root's group, plus the root's index in the group; ascending.
     Array<const int64_t, 1> places;
-    // [groups, 3]: the voxels of each group that are inside the volume (x, y, z).
+    // [groups, 3]: the number of voxels (x, y, z) of each group that are inside the volume.
     Array<const int64_t, 2> extents;
-    // The width of a root, in voxels.
+    // The width of the root of a group that is merged, in voxels.
     int64_t side;
+    // The visible nodes of the larger groups, which the kernel writes.
     VisibleNodes nodes;
 };
 KERNEL(merge_tier, MergeTier)
 
 // Average voxels over cells of level 0, 1 or 2.
 struct AverageCells {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
+    // The classifier of the channels that are averaged.
     Classifier classifier;
     // The level of the cells: 0, 1 or 2.
     int64_t level;
-    // [n, 3]: the first cell of each brick (x, y, z), which may lie beyond the border.
+    // [n, 3]: the place (x, y, z) of the lowest cell of each brick, in widths of a cell. It may lie beyond the border.
     Array<const int64_t, 2> corners;
     // [n, z, y, x, 4]: the means of the cells; the caller must zero the array.
     Array<float, 5> means;
@@ -87,7 +95,7 @@ KERNEL(average_cells, AverageCells)
 
 // Store numbers as float16.
 struct StoreFloat16 {
-    // [n]: the numbers.
+    // [n]: the numbers that are stored.
     Array<const float, 1> values;
     // A power of two by which the numbers are multiplied; the products are from 0 to 2^15.
     float factor;
@@ -98,33 +106,35 @@ KERNEL(store_float16, StoreFloat16)
 
 // List the visible children of some nodes of a level.
 struct ListChildren {
-    // [n]: the nodes, as indices among the nodes of their level.
+    // [n]: the nodes whose children are listed, as indices among the nodes of their level.
     Array<const int64_t, 1> nodes;
-    // [all]: the first child of each node of the level, as in Level (renderer/pyramid/pyramid.py); the masks are as
-    // there, too.
+    // [all]: the index of the first visible child of each node of the level, as in Level (renderer/pyramid/pyramid.py).
     Array<const int64_t, 1> first_children;
-    // [n, 3]: the nodes (x, y, z).
+    // [n, 3]: the place (x, y, z) of each node, in widths of a node.
     Array<const int32_t, 2> cells;
+    // [all]: the mask of visible children of each node of the level, as in Level (renderer/pyramid/pyramid.py).
     Array<const uint8_t, 1> masks;
-    // [m]: the children, as indices among the nodes of the level below.
+    // [m]: the visible children, as indices among the nodes of the level below.
     Array<int64_t, 1> child_nodes;
-    // [m, 3]: the children (x, y, z).
+    // [m, 3]: the place (x, y, z) of each visible child, in widths of a child.
     Array<int32_t, 2> child_cells;
 };
 KERNEL(list_children, ListChildren)
 
 // Count the visible voxels in cells of level 1, and list them.
 struct FindVoxels {
-    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels of the volume; those of at most 16 bits as unsigned bit patterns (`raw_voxels` in
+    // renderer/transfer/classify.py).
     AnyArray<3> raw;
+    // The classifier of the channels (tau c, tau), by which voxels are visible.
     Classifier classifier;
-    // [n, 3]: the cells (x, y, z).
+    // [n, 3]: the place (x, y, z) of each cell of level 1, in widths of a cell.
     Array<const int32_t, 2> parents;
-    // [n]: the number of visible voxels in each cell.
+    // [n]: the number of visible voxels in each cell of level 1.
     Array<uint8_t, 1> counts;
-    // [m, 3]: the visible voxels (x, y, z); empty if not asked for.
+    // [m, 3]: the place (x, y, z) of each visible voxel; empty if the caller only counts voxels.
     Array<int32_t, 2> cells;
-    // [m, 4]: the channels of the visible voxels; empty if not asked for.
+    // [m, 4]: the channels (tau c, tau) of each visible voxel; empty if the caller only counts voxels.
     Array<float, 2> depths;
 };
 KERNEL(find_voxels, FindVoxels)

@@ -21,11 +21,20 @@
 
 namespace {
 
-constexpr int64_t BLOCK_SIZE = 8, BLOCK_VOXELS = 512, NUM_LEVELS = 3;
-// For each level of a group: the number of nodes, and the number of nodes on all levels below.
-constexpr int64_t NUM_NODES[NUM_LEVELS] = {64, 8, 1}, FIRST_NODE[NUM_LEVELS] = {0, 64, 72}, NODES_OF_GROUP = 73;
+// The number of voxels along each side of a block.
+constexpr int64_t BLOCK_SIZE = 8;
+// The number of voxels in a block.
+constexpr int64_t BLOCK_VOXELS = 512;
+// The number of levels of nodes in a group.
+constexpr int64_t NUM_LEVELS = 3;
+// The number of nodes on each level of a group, from the lowest level up.
+constexpr int64_t NUM_NODES[NUM_LEVELS] = {64, 8, 1};
+// The index in a group of the first node of each level: the nodes of lower levels come before it.
+constexpr int64_t FIRST_NODE[NUM_LEVELS] = {0, 64, 72};
+// The number of nodes on all levels of a group.
+constexpr int64_t NODES_OF_GROUP = 73;
 
-// The number of channels of a node: four channels in float32, or one scalar in float64.
+// The number of channels of a node: four channels in float32 (T is float), or one scalar in float64 (T is double).
 template <class T>
 constexpr int64_t NUM_CHANNELS = sizeof(T) == sizeof(float) ? 4 : 1;
 
@@ -40,21 +49,27 @@ INLINE int64_t voxel_offset(int64_t x, int64_t y, int64_t z) {
 // Return the index, on its level, of the node that is n-th in Morton order.
 INLINE int64_t node_in_order(int64_t n, int64_t num_nodes) { return num_nodes == 64 ? (n & 7) << 3 | n >> 3 : n; }
 
+// The mean and the variance of one channel over the voxels of a node.
 template <class T>
 struct Moments {
-    T mean, variance;
+    T mean;
+    T variance;
 };
 
+// Return the mean and the variance over two neighbours together. h: the share of their voxels that `b` holds.
 template <class T>
 INLINE Moments<T> merge_two(Moments<T> a, Moments<T> b, T h) {
     T d = b.mean - a.mean;
     return {a.mean + h * d, a.variance + h * (b.variance - a.variance) + (h - h * h) * (d * d)};
 }
 
-// The shares h of the n nodes of a level along x, y, z, for each channel.
+// The shares h by which the children of the NUM nodes of a level are merged along x, y and z, repeated for each channel
+// of a node. h is the share of the voxels that the second of two neighbours holds.
 template <class T, int64_t NUM>
 struct Shares {
+    // The number of channels of all nodes of the level.
     static constexpr int64_t WIDTH = NUM * NUM_CHANNELS<T>;
+    // The shares h along x, y and z, for each channel of each node.
     T along[3][WIDTH];
 
     // extent: the voxels of the group that are inside the volume, along x, y, z. child: the width of the nodes'
@@ -63,7 +78,8 @@ struct Shares {
         for (int64_t axis = 0; axis < 3; axis++)
             for (int64_t j = 0; j < WIDTH; j++) {
                 int64_t node = j / NUM_CHANNELS<T>, first = node >> axis & 1;
-                if (NUM == 64) first = first << 1 | (node >> (3 + axis) & 1);  // the lower bit is the larger parent's
+                // On the lowest level, the lower bit of an octal digit belongs to the larger parent.
+                if (NUM == 64) first = first << 1 | (node >> (3 + axis) & 1);
                 int64_t rest = extent[axis] - first * 2 * child;
                 int64_t low = least(most(rest, (int64_t)0), child), high = least(most(rest - child, (int64_t)0), child);
                 along[axis][j] = (T)((double)high / (double)most(low + high, (int64_t)1));
@@ -71,7 +87,8 @@ struct Shares {
     }
 };
 
-// Write the n nodes of one level. pair(k, j, h): the merged children 2 k and 2 k + 1 of node and channel j.
+// Merge the children of the NUM nodes of one level, and write the means and variances of the nodes. pair(k, j, h): a
+// function that returns children 2 k and 2 k + 1 merged along x, for j, the index of a node and its channel.
 template <class T, int64_t NUM, class Pair>
 INLINE void merge_rows(const Shares<T, NUM>& shares, T* __restrict mean, T* __restrict variance, Pair pair) {
     const auto& [along_x, along_y, along_z] = shares.along;
@@ -84,13 +101,19 @@ INLINE void merge_rows(const Shares<T, NUM>& shares, T* __restrict mean, T* __re
     }
 }
 
-// The nodes of a group, which is filled for one group after the other. T is float for channels, and double for scalars.
+// The nodes of one group, in memory that is used for one group after the other. T is float for channels, and double for
+// scalars.
 template <class T>
 class Group {
+    // The number of channels of a node.
     static constexpr int64_t C = NUM_CHANNELS<T>;
+    // The shares h by which children are merged into the 64 nodes on the lowest level.
     Shares<T, 64> node_shares;
+    // The shares h by which nodes are merged into the 8 parents.
     Shares<T, 8> parent_shares;
+    // The shares h by which parents are merged into the root.
     Shares<T, 1> root_shares;
+    // The number of voxels (x, y, z) inside the volume for which the shares were computed.
     int64_t cut[3] = {};
 
     template <int64_t NUM>
@@ -105,7 +128,11 @@ class Group {
     }
 
   public:
-    alignas(64) T means[NODES_OF_GROUP * C], variances[NODES_OF_GROUP * C];
+    // The means of the channels of all nodes, level by level.
+    alignas(64) T means[NODES_OF_GROUP * C];
+    // The variances of the channels of all nodes, level by level.
+    alignas(64) T variances[NODES_OF_GROUP * C];
+    // The channels of the voxels of a block.
     alignas(64) T voxels[BLOCK_VOXELS * C];
 
     // Begin a group of nodes that are `side` voxels wide; `extent` voxels of the group along x, y, z are inside the
@@ -141,14 +168,14 @@ class Group {
     }
 };
 
-// Return the last channel of a node, which tells whether it is visible.
+// Return the last channel of a node: the node is visible if the channel is above 0.
 INLINE float& visibility(Group<float>& group, int64_t level, int64_t node) {
     return group.means[(FIRST_NODE[level] + node) * 4 + 3];
 }
 
-// Negate the visibility of all nodes below a leaf of every cut. They are not stored.
+// Negate the last channel of all nodes below a node that is a leaf of every cut, so that these nodes are not stored.
 //
-// A node is a leaf of every cut if its total variance is below the limit of its level.
+// A node is a leaf of every cut if its variance, summed over its channels, is below the limit of its level.
 template <class T>
 void hide_below_leaves(Group<float>& group, const Group<T>& errors, const double* limits) {
     bool is_root_leaf = errors.total_variance(2, 0) < limits[1];
@@ -159,10 +186,16 @@ void hide_below_leaves(Group<float>& group, const Group<T>& errors, const double
     }
 }
 
-// Writes the visible nodes of groups into the arrays of VisibleNodes.
+// A writer of the visible nodes of groups into the arrays of VisibleNodes.
 class Writer {
+    // The arrays to which nodes are written.
     const VisibleNodes out;
-    int64_t num_groups, most_groups, counts[NUM_LEVELS];
+    // The number of groups that are written so far.
+    int64_t num_groups;
+    // The number of groups for which the arrays have room.
+    int64_t most_groups;
+    // The number of visible nodes on each level that are written so far.
+    int64_t counts[NUM_LEVELS];
 
   public:
     explicit Writer(const VisibleNodes& nodes)
@@ -193,7 +226,7 @@ class Writer {
             take((n & 1) | (n >> 2 & 2), (n >> 1 & 1) | (n >> 3 & 2), (n >> 2 & 1) | (n >> 4 & 2), place);
             if (!(shown > 0)) continue;
             store(&out.means(place, 0), 0, load<FourChannels>(&visibility(group, level, node) - 3, 0));
-            // The root is taken before rounding to float32, which might not hold the square.
+            // The square root is taken before rounding to float32, which might not hold the variance.
             out.deviations[place] = (float)__builtin_sqrt((double)errors.total_variance(level, node));
             if (level > 0) {
                 int mask = 0;
@@ -291,7 +324,7 @@ Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& er
     return DONE;
 }
 
-// Merge roots into larger groups. errors: as in `build_all`, but always built.
+// Merge roots into larger groups. T: float if errors are measured on channels, double if they are measured on scalars.
 template <class T>
 Status merge_all(const MergeTier& arguments) {
     const auto& [means, error_means, variances, places, extents, side, nodes] = arguments;
@@ -365,7 +398,7 @@ Status merge_tier(const MergeTier* arguments) {
 }
 
 // Write the means of cells of level 1 or 2, or the voxels of level 0, to `means` [n, z, y, x, 4], from each of
-// `corners` [n, 3] (x, y, z) on. They are 0 where nothing is visible.
+// `corners` [n, 3] (x, y, z) on. Means are 0 where nothing is visible.
 Status average_cells(const AverageCells* arguments) {
     const auto& [raw, classifier, level, corners, means] = *arguments;
     int64_t num = corners.shape[0], side = BLOCK_SIZE >> level;
@@ -376,7 +409,8 @@ Status average_cells(const AverageCells* arguments) {
     VisibilityTest test(raw, classifier);
     if (!test) return NO_MEMORY;
     const float* found = group.means + FIRST_NODE[most(level - 1, (int64_t)0)] * 4;
-    // Where nodes lie along an axis: in a level of 64 nodes, the two octal digits are exchanged.
+    // Return the part that a node's place along an axis adds to its index. On a level of 64 nodes, the two octal digits
+    // of the index are exchanged.
     auto offset = [&](int64_t at) { return level == 1 ? 8 * (at & 1) + (at >> 1) : at; };
     for (int64_t i = 0; i < num; i++) {
         int64_t begin[3], end[3];

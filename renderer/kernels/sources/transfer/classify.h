@@ -8,7 +8,7 @@
 
 namespace {
 
-// Return whether a classifier fits the voxels.
+// Return whether the tables of a classifier exist, and have the shapes, that the voxels need.
 inline bool fits(const Classifier& classifier, const AnyArray<3>& raw) {
     const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors, shown] = classifier;
     if (!fits(by_pattern, raw) || table.exists != by_pattern.exists || curve.exists == table.exists) return false;
@@ -30,8 +30,8 @@ INLINE double lambert_factor(double x, double y, double z, const double* light) 
 // Return the factor on the colour of a visible voxel, by Lambert's law; it is `ambient` if the gradient is 0.
 //
 // Derivatives along the index axes are central, one-sided at the border and beside voxels without data, 0 across one
-// voxel. here: a pointer to the voxel's scalar; those of its neighbours are at -1 and 1, and at distances of `row` and
-// `row` squared.
+// voxel. here: a pointer to the voxel's scalar. The scalars of its neighbours along x, y and z are at distances of 1,
+// `row` and `row` squared before and after it.
 inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& raw, const double* here, int64_t row,
                               const int64_t* voxel) {
     bool is_float32 = raw.dtype == 8;  // small differences of float32 are exact in float32
@@ -45,8 +45,8 @@ inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& 
         if (is_nan(after[axis])) after[axis] = *here;
         share[axis] = has_before && has_after ? 0.5 : 1.0;
     }
-    // Only the direction counts. Differences of halved scalars do not overflow. If they are small, the full differences
-    // do not overflow either, while halves would round denormals.
+    // Only the gradient's direction counts. Differences of halved scalars do not overflow. If these differences are
+    // small, the differences of full scalars do not overflow either, while halves would round denormal numbers.
     auto largest = [&] { return most(most(__builtin_fabs(g[0]), __builtin_fabs(g[1])), __builtin_fabs(g[2])); };
     for (int axis = 0; axis < 3; axis++) g[axis] = 0.5 * after[axis] - 0.5 * before[axis];
     if (largest() < 1.0)

@@ -6,33 +6,35 @@
 //
 // Two control points at one value are a step, whose value belongs to the upper side.
 struct TransferTable {
-    // [n]: the control values, none smaller than the one before.
+    // [n]: the control values, ascending; equal ones are a step.
     Array<const double, 1> values;
     // [n + 1, 10]: for each segment its start, its width, the channels [4] at the start, and their rise [4]. Segment k
     // holds the scalars from control value k - 1 to control value k; the first and the last segment are constant.
     // Starts and widths are multiplied by `scale`.
     Array<const double, 2> rows;
-    // A power of two. Multiplied by it, differences of scalars are finite.
+    // A power of two by which scalars are multiplied, so that their differences are finite.
     double scale;
-    // [GUIDE_SIZE + 3]: for a scalar in bucket b, the number of control values at or below it is from guide[b] to
-    // guide[b + 3].
+    // [GUIDE_SIZE + 3]: a guide to the segments. The range of the control values is divided into GUIDE_SIZE equal
+    // buckets. For a scalar in bucket b, from guide[b] to guide[b + 3] control values are at or below the scalar.
     Array<const uint64_t, 1> guide;
-    // The number of buckets of the guide in a unit of the scaled scalar.
+    // The number of buckets of the guide per unit of a scalar multiplied by `scale`.
     double buckets_per_unit;
 };
 
 // A grid of factors on light, from 0 (dark) to 1. Factors are given at the centres of cells and are linear between
 // them.
 struct LightGrid {
-    // [z + 2, y + 2, x + 2]: factors on the ambient light, in steps of 1 / 255; [0, 0, 0] if not asked for. A factor is
-    // 1 if neither the cell nor a neighbour shows anything.
+    // [z + 2, y + 2, x + 2]: factors on the ambient light, in steps of 1 / 255; [0, 0, 0] if the scene asks for no
+    // occlusion. A factor is 1 if neither the cell nor a neighbour shows anything.
     Array<const float, 3> occlusion;
-    // [z + 2, y + 2, x + 2]: factors on the diffuse light, of the same kind.
+    // [z + 2, y + 2, x + 2]: factors on the diffuse light, in steps of 1 / 255; [0, 0, 0] if the scene asks for no
+    // shadows. A factor is 1 if neither the cell nor a neighbour shows anything.
     Array<const float, 3> shadow;
-    // For each cell and each kind of factor asked for, two numbers: 255 times the factors at the cell and at its next
-    // neighbours, eight bytes, x before y before z. Two more numbers follow the last cell.
+    // For each cell and each kind of factor that the scene asks for, two numbers. Their eight bytes are 255 times the
+    // factors at the cell and at its next neighbours along x, y and z, x fastest. Two more numbers follow the last
+    // cell.
     Array<const int32_t, 1> corners;
-    // The width of a cell, in voxels. Cells begin at the corner of the first voxel.
+    // The width of a cell of the light grid, in voxels. Cells begin at the corner of the first voxel.
     double cell_size;
     // From 0 to 1: how much of the factors on the ambient light applies.
     double occlusion_strength;
@@ -58,11 +60,13 @@ struct Classifier {
     Maybe<Array<const double, 1>> scalars;
     // The transfer function, with extinctions multiplied by the finest voxel spacing; None if `table` is used.
     Maybe<TransferTable> curve;
-    // Whether the channels are (a c, a), and not (tau c, tau).
+    // Whether the channels are (a c, a), with the opacity a and the colour c, and not (tau c, tau), with the extinction
+    // tau.
     bool is_opacity;
-    // The light on voxels; None without shading.
+    // The light on voxels, by which colours are multiplied; None without shading.
     Maybe<VoxelLighting> lighting;
-    // The scalars at which visibility changes (renderer/transfer/transfer_function.py).
+    // The scalars, ascending, at which the transfer function changes between invisible and visible
+    // (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
     // [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     Maybe<Sized<const uint8_t, 4, 3>> colors;
@@ -78,8 +82,8 @@ struct PiecewiseTransfer {
     // numbers of a row at a time.
     Array<const float, 2> rows;
     // [GUIDE_SIZE]: a scalar u >= b / GUIDE_SIZE lies in segment guide[b] or later. A scalar u < 0 lies in the first
-    // one.
+    // segment.
     Array<const int32_t, 1> guide;
-    // Nothing is visible below this u.
+    // The u below which no scalar is visible.
     float lowest_visible;
 };

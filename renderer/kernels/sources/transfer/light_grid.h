@@ -2,7 +2,8 @@
 #pragma once
 #include "transfer/kernels.h"
 
-// Return the value of a grid at a position in the volume, in float32.
+// Return the value of a grid at a position inside the volume, interpolated in float32. x, y, z: the position in cells;
+// the centre of cell i is at i + 1 along each axis.
 INLINE float interpolate_cells(const Array<const float, 3>& grid, float x, float y, float z) {
     int64_t i = (int64_t)x, j = (int64_t)y, k = (int64_t)z;
     float a = x - (float)i, b = y - (float)j, c = z - (float)k;

@@ -4,11 +4,14 @@
 #include "base/lanes.h"
 #include "base/maths.h"
 
-// The number of buckets of a guide, as in renderer/transfer/piecewise.py.
+// The number of buckets of a guide, an index by which a scalar's segment of a transfer function is found quickly. The
+// number is the same in renderer/transfer/piecewise.py.
 constexpr int64_t GUIDE_SIZE = 1024;
-// The largest normalized scalar, in widths of the range, as in renderer/transfer/piecewise.py.
+// The largest magnitude of a normalized scalar, in widths of the range to which scalars are normalized; larger ones are
+// clamped. The number is the same in renderer/transfer/piecewise.py.
 constexpr double MAX_NORMALIZED_SCALAR = 0x1p20;
-// The least depth or opacity that is visible, as in renderer/transfer/transfer_function.py.
+// The least optical depth or opacity that is visible; smaller ones count as 0. The number is the same in
+// renderer/transfer/transfer_function.py.
 constexpr double VISIBILITY_THRESHOLD = 0x1p-80;
 
 // Four channels, such as (tau c, tau): three for colour, then extinction or opacity.

@@ -7,7 +7,7 @@ struct Intervals {
     // [n]: control values times `scale`, not descending. Interval k has knots[k - 1] <= value < knots[k]: the value of
     // a step belongs to its upper side.
     Array<const double, 1> knots;
-    // [n + 1, 10]: for each interval base [4], slope [4], origin, and how many of the first k control points have
+    // [n + 1, 10]: for interval k its base [4], slope [4], origin, and how many of the first k control points have
     // extinction. The channels (r, g, b, extinction) of a value are base + slope * (value - origin).
     Array<const double, 2> rows;
     // A factor on scalars and knots: a power of two with which sums and differences neither overflow nor vanish.
@@ -20,13 +20,17 @@ struct RayShading {
     bool is_plain;
     // Whether the light comes from the viewer.
     bool is_camera;
-    // Whether both sides of a surface are lit, as in ShadingSpec (renderer/scene/shading_section.py); the next five are
-    // as there, too.
+    // Whether both sides of a surface are lit, as in ShadingSpec (renderer/scene/shading_section.py).
     bool two_sided;
+    // The coefficient of the ambient light, which reaches every point from all sides.
     double ambient;
+    // The coefficient of the diffuse light, which is multiplied by the cosine between normal and light.
     double diffuse;
+    // The coefficient of the highlight, where a surface mirrors the light.
     double specular;
+    // The exponent of the highlight; a larger one makes highlights smaller.
     double shininess;
+    // The share of the light that a surface seen edge-on loses, as in ShadingSpec.
     double silhouette;
     // The distance from a cut face up to which points are lit by the face's normal, as a length in the world.
     double face_depth;
@@ -45,23 +49,23 @@ struct RayShading {
 
 // A convex set that is clipped away: the points from `low` to `high` in the set's own axes, in world lengths.
 //
-// A half-space is bounded along the first axis only; its other axes are 0.
+// A half-space is bounded along the first axis only; the rows of its other two axes are 0.
 struct RemovedSet {
     // [3, 4]: the transformation from index space to the set's own axes.
     double own_from_index[12];
     // [3, 3]: the matrix from directions along the set's own axes to the world.
     double world_from_own[9];
-    // The lowest corner, in the set's own axes.
+    // The lowest corner of the set, in its own axes.
     double low[3];
-    // The highest corner, in the set's own axes.
+    // The highest corner of the set, in its own axes.
     double high[3];
 };
 
 // A set of n rays in index space, and their parts that are neither clipped away nor masked.
 struct IndexRays {
-    // [n, 3]: positions (x, y, z), in voxels.
+    // [n, 3]: the origin (x, y, z) of each ray, in voxels.
     Array<const double, 2> origins;
-    // [n, 3]: the rays' directions in index space, of unit length in the world.
+    // [n, 3]: the direction of each ray, in index space, of unit length in the world.
     Array<const double, 2> directions;
     // [n, k, 2]: the distances from the origin, in the world, at which the parts of each ray start and end; some parts
     // are empty.
@@ -74,13 +78,14 @@ struct IndexRays {
 struct LayerOptics {
     // [z, y, x]: the values of the voxels.
     AnyArray<3> values;
-    // [z, y, x]: the state of each macrocell, UNKNOWN (0) at first. The array is updated, and later calls with the same
-    // values and intervals use it.
+    // [z, y, x]: the state of each macrocell, a block of 4^3 cells: UNKNOWN (0) at first, then whether it may show
+    // anything. The array is updated, and later calls with the same values and intervals use it.
     Array<uint8_t, 3> macrocells;
+    // The transfer function of the layer.
     Intervals intervals;
-    // The light; None without a light.
+    // The light on the layer; None without a light.
     Maybe<RayShading> shading;
-    // A factor on extinction.
+    // The factor on the layer's extinction.
     double weight;
     // [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     Maybe<Sized<const uint8_t, 4, 3>> colors;
@@ -89,31 +94,34 @@ struct LayerOptics {
     Maybe<Array<const double, 1>> label_opacities;
 };
 
-// Integrate light along rays.
+// Integrate the light of layers along rays.
 struct IntegrateRays {
+    // The layers that the rays meet; their extinctions add up.
     Array<const LayerOptics, 1> layers;
     // The rays in the index space of each layer, all of them the same rays in the world, with the same lengths along
     // them.
     EACH_CALL Array<const IndexRays, 1> rays;
     // Whether light adds up without absorption, so that no point hides another one.
     bool adds;
-    // [steps]: the longest quadrature steps, in voxels, in optical depth and in pieces; rays are integrated with each
-    // of them.
+    // [steps]: the largest quadrature steps. A number bounds the length of a step, in voxels, and its optical depth.
+    // Rays are integrated with each of these bounds.
     EACH_CALL Array<const double, 1> max_steps;
-    // [n, steps, 4]: premultiplied RGBA. If there are 4 + intervals channels, the others are what each interval of the
-    // transfer function adds to the opacity, layer by layer.
+    // [n, steps, 4]: the premultiplied RGBA of each ray, for each bound of the steps. If there are 4 + intervals
+    // channels, the further channels hold how much each interval of the transfer function adds to the opacity, layer by
+    // layer.
     EACH_CALL Array<double, 3> radiance;
 };
 LONG_KERNEL(integrate_rays, IntegrateRays)
 
 // Find the parts of rays inside a mask.
 struct MaskRays {
-    // The mask, as a layer that shows the points inside.
+    // The mask, as a layer that shows the points inside the mask.
     LayerOptics layer;
+    // The rays, in the index space of the mask.
     IndexRays rays;
-    // [n, k, 2]: the first k parts of each ray.
+    // [n, k, 2]: the distances at which the first k parts of each ray start and end.
     Array<double, 3> parts;
-    // [n]: the number of parts of each ray, which may exceed k.
+    // [n]: the number of parts of each ray inside the mask, which may exceed k.
     Array<int64_t, 1> counts;
 };
 LONG_KERNEL(mask_rays, MaskRays)
@@ -122,16 +130,18 @@ LONG_KERNEL(mask_rays, MaskRays)
 struct SearchRays {
     // [z, y, x]: the values of the voxels.
     AnyArray<3> values;
-    // [z, y, x]: the largest number in each macrocell, NaN at first. The array is updated, and later calls with the
-    // same values and sign use it.
+    // [z, y, x]: the largest product of `sign` and a value in each macrocell, a block of 4^3 cells; NaN at first. The
+    // array is updated, and later calls with the same values and sign use it.
     Array<double, 3> tops;
-    // The factor on values, whose largest product is sought; it is negative if the smallest value is sought.
+    // The factor on values: rays look for the largest product of the factor and a value. The factor is negative to find
+    // the smallest value.
     double sign;
-    // Among numbers that differ by no more than this, the first along the ray counts.
+    // Among products that differ by no more than this, the first along the ray counts.
     double least_rise;
+    // The rays, in the volume's index space.
     EACH_CALL IndexRays rays;
-    // [n, 2]: the largest number, and the distance along the ray at which it lies; minus infinity for a ray that misses
-    // the volume.
+    // [n, 2]: for each ray the largest product, and the distance along the ray at which it lies. The product is minus
+    // infinity if the ray misses the volume.
     EACH_CALL Array<double, 2> found;
 };
 LONG_KERNEL(search_rays, SearchRays)

@@ -4,13 +4,20 @@
 namespace truth {
 namespace {
 
-// A value in place of an axis that asks for the value of the voxel itself, not for a difference.
+// In place of an axis, along which a difference is taken, this asks for the value of the voxel itself.
 constexpr int VALUE = -1;
 
 // The voxels at the corners of a cell, and the voxels around them up to a margin.
 struct Surroundings {
-    Cell size, cell, first;
+    // The number of voxels (x, y, z) of the volume.
+    Cell size;
+    // The cell whose corners are read.
+    Cell cell;
+    // The first voxel of the cube that is read.
+    Cell first;
+    // The number of voxels along each axis of the cube.
     int64_t side;
+    // The values of the voxels of the cube, x fastest.
     double numbers[6 * 6 * 6];
 
     Surroundings(const AnyArray<3>& values, Cell at, int64_t margin)
@@ -23,7 +30,8 @@ struct Surroundings {
         return numbers + (z * side + y) * side + x;
     }
 
-    // Return the scaled value of a voxel that has data, or the difference at the voxel along an axis.
+    // Return a term for a voxel that has data: the scaled central difference at the voxel along an axis, or the voxel's
+    // scaled value if the axis is VALUE.
     INLINE double term(Cell voxel, int axis, double scale) const {
         const double* here = address(voxel);
         if (axis == VALUE) return *here * scale;
@@ -37,7 +45,7 @@ struct Surroundings {
     // Return the mean term of the nearest of the 26 neighbours inside the volume that have data; NaN if none has.
     double nearest_term(Cell voxel, int axis, double scale) const {
         auto [x, y, z] = voxel;
-        int64_t nearest = 4;  // the squared distance
+        int64_t nearest = 4;  // the squared distance of the nearest voxels so far; no neighbour is as far as 4
         double total = 0.0, num = 0.0;
         for (int64_t k = most<int64_t>(z - 1, 0); k < least(z + 2, size.z); k++)
             for (int64_t j = most<int64_t>(y - 1, 0); j < least(y + 2, size.y); j++)
@@ -50,7 +58,8 @@ struct Surroundings {
         return total / num;
     }
 
-    // Return the term of the voxel at a corner or, if it has no data, the mean term of the nearest voxels.
+    // Return the term of the voxel at a corner of the cell or, if the voxel has no data, the mean term of the nearest
+    // voxels with data. k: the number of the corner, x fastest. absent: the corners without data, one bit for each.
     INLINE double corner_term(int k, int absent, int axis, double scale) const {
         Cell at = cell + Cell{k & 1, k >> 1 & 1, k >> 2};
         for (int j = 0; j < 3; j++) at[j] = least(most<int64_t>(at[j], 0), size[j] - 1);
@@ -108,7 +117,7 @@ Range macrocell_range(const AnyArray<3>& values, Cell macrocell) {
         Range found = {INFINITE, -INFINITE};
         for (int64_t k = 0; k < side * side * side; k++) {
             has_absent |= is_nan(numbers[k]);
-            found = {least(found.low, numbers[k]), most(found.high, numbers[k])};  // NaN changes nothing
+            found = {least(found.low, numbers[k]), most(found.high, numbers[k])};  // NaN has no effect
         }
         return found;
     };

@@ -13,16 +13,18 @@ namespace truth {
 // The number of cells along each axis of a macrocell, as in renderer/truth/optics.py. Of the cells that rays met in
 // visible macrocells of two CT scans, 0.70 and 0.75 were visible; in macrocells of 8^3 cells, 0.51 and 0.60.
 constexpr int64_t MACROCELL_SIZE = 4;
-// The largest side of a cube of voxels that is read at once.
+// The largest number of voxels along each axis of a cube of voxels that is read at once.
 constexpr int64_t LARGEST_CUBE = 8;
-// The value of `absent` if no corner of a cell has data; it has one bit for each corner, x fastest.
+// The bits of a cell's corners without data, if no corner has data. There is one bit for each corner, x fastest.
 constexpr int ALL_ABSENT = 255;
 
 // The number of a cell, or of a voxel, along x, y, z.
 using Cell = int64_t __attribute__((ext_vector_type(3)));
 
+// A range of numbers, from `low` to `high`; empty if `low` is above `high`.
 struct Range {
-    double low, high;
+    double low;
+    double high;
 };
 
 INLINE Cell size_of(const AnyArray<3>& values) { return {values.shape[2], values.shape[1], values.shape[0]}; }
@@ -41,13 +43,15 @@ void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out)
 // no value has a meaning.
 int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners);
 
-// Write the scaled central differences along x, y, z at the corners of a cell, of which `absent` have no data.
+// Write the scaled central differences of the voxels along x, y, z at the corners of a cell. absent: the corners
+// without data, one bit for each, x fastest.
 //
-// They are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
+// Differences are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
 void load_differences(const AnyArray<3>& values, Cell cell, int absent, double scale, double (*corners)[8]);
 
-// Return the range of the voxels around a macrocell, from cell MACROCELL_SIZE * macrocell - 1 on; empty if no voxel has
-// data. If any voxel has no data, its neighbours count, too.
+// Return the range of the values of the voxels at the corners of a macrocell's cells, the first of which is the cell
+// MACROCELL_SIZE * macrocell - 1. The range is empty if no voxel has data. If any voxel has no data, the voxels around
+// the macrocell count, too, because the field takes their mean.
 Range macrocell_range(const AnyArray<3>& values, Cell macrocell);
 
 // Return whether the voxel nearest to entry + extent * t, in cell coordinates, has no data.
@@ -70,21 +74,31 @@ inline bool fit(const IndexRays& rays) {
     return has_shape(origins, num, 3) && has_shape(directions, num, 3) && parts.shape[2] == 2;
 }
 
-// The part of a ray inside a cell, between two lengths along it: entry + extent * t in cell coordinates.
+// The part of a ray inside a cell: the points entry + extent * t in cell coordinates, with t from 0 to 1.
 struct Segment {
-    Cell cell, macrocell;
-    double start, end;
-    Point entry, extent;
+    // The cell in which the segment lies.
+    Cell cell;
+    // The macrocell (a block of 4^3 cells) in which the cell lies.
+    Cell macrocell;
+    // The length along the ray at which the segment starts.
+    double start;
+    // The length along the ray at which the segment ends.
+    double end;
+    // The point at which the ray enters the cell, relative to the cell's lowest corner, in voxels.
+    Point entry;
+    // The vector from the segment's start to its end, in voxels.
+    Point extent;
 };
 
-// Return where a ray leaves a cell along one axis, from the cell's number, so that rounding errors do not add up.
+// Return the length along a ray at which it leaves a cell along one axis. It is computed from the cell's number, so
+// that rounding errors do not add up from cell to cell.
 INLINE double distance_to_plane(int64_t cell, double origin, double direction) {
     if (direction == 0.0) return INFINITE;
     return ((double)(cell + (direction > 0.0)) - origin) / direction;
 }
 
-// Return the part from `start` to `end` of a ray that lies inside [-1/2, n - 1/2] on each axis; empty unless low <
-// high.
+// Return the part of a ray, between the lengths `start` and `end`, that lies inside the volume: inside [-1/2, n - 1/2]
+// on each axis. The part is empty unless low < high.
 INLINE Range clip_to_volume(Cell size, Point origin, Point direction, double start, double end) {
     for (int axis = 0; axis < 3; axis++) {
         double low = -0.5 - origin[axis], high = (double)size[axis] - 0.5 - origin[axis];
@@ -98,10 +112,19 @@ INLINE Range clip_to_volume(Cell size, Point origin, Point direction, double sta
     return {start, end};
 }
 
-// A walk from cell to cell along a part of a ray. s: the length along the ray at which the next cell begins.
+// A walk from cell to cell along a part of a ray.
 struct CellWalk {
-    Point origin, direction;
-    double s, last, to_x, to_y, to_z;
+    // The origin of the ray, in index space.
+    Point origin;
+    // The direction of the ray, in index space, of unit length in the world.
+    Point direction;
+    // The length along the ray at which the next cell begins.
+    double s;
+    // The length along the ray at which the walk ends.
+    double last;
+    // The lengths along the ray at which the ray leaves the next cell along x, y and z.
+    double to_x, to_y, to_z;
+    // The number of the next cell on the ray, along x, y and z.
     int64_t x, y, z;
 
     INLINE CellWalk(Cell size, Point from, Point along, double start, double end) : origin(from), direction(along) {
@@ -118,7 +141,7 @@ struct CellWalk {
 
     INLINE double exit(int axis, int64_t cell) const { return distance_to_plane(cell, origin[axis], direction[axis]); }
 
-    // Return whether there is another cell on the ray; if so, it becomes the segment.
+    // Return whether there is a further cell on the ray. If so, write the part of the ray inside it to `segment`.
     INLINE bool next(Segment& segment) {
         if (!(s < last)) return false;
         double s_exit = least(most(least(least(to_x, to_y), to_z), s), last);

@@ -40,7 +40,7 @@ INLINE Cubic cubic_in_cell(const double* corners, Point entry, Point extent) {
     };
 }
 
-// Return the same cubic as a function of x, with t = start + width * x.
+// Return a cubic in t as a cubic in x, with t = start + width * x.
 INLINE Cubic restrict_cubic(Cubic f, double start, double width) {
     auto [a, b, c, d] = f;
     double first = b + start * (2.0 * c + start * 3.0 * d), second = c + start * 3.0 * d;
@@ -67,8 +67,8 @@ inline int64_t insert_split(const Array<double, 1>& splits, int64_t count, doubl
     return count + 1;
 }
 
-// Return where the slope of a cubic changes its sign, ascending, with -1 for each missing position; the last number is
-// 1.
+// Return the two positions at which the slope of a cubic changes its sign, ascending, and then 1, the end of the cell.
+// A position that does not exist is -1.
 INLINE Point turns_and_end(Cubic f) {
     double a = 3.0 * f[3], b = 2.0 * f[2], c = f[1];
     double largest = most(most(absolute(a), absolute(b)), absolute(c));
@@ -82,8 +82,8 @@ INLINE Point turns_and_end(Cubic f) {
     return {least(one, two), most(one, two), 1.0};
 }
 
-// Return the t in [start, end] at which the cubic equals `knot`. The cubic is monotone there and passes through the
-// knot.
+// Return the t in [start, end] at which a cubic equals `knot`. The cubic is monotone in [start, end] and passes through
+// the knot.
 inline double crossing(Cubic f, double knot, double start, double end) {
     bool is_rising = value_at(f, end) > knot;
     double rounding = 0x1p-52 * (absolute(f[0]) + absolute(f[1]) + absolute(f[2]) + absolute(f[3]));

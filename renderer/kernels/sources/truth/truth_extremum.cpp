@@ -10,12 +10,13 @@
 namespace truth {
 namespace {
 
-// A number, and the position at which it was found.
+// The largest number found on a ray, and the position at which it was found.
 struct Found {
-    double number, place;
+    double number;
+    double place;
 };
 
-// Return the largest value of a cubic in [0, 1], and the first position at which it has this value.
+// Return the largest value of a cubic in [0, 1], and the first position at which the cubic has this value.
 INLINE Found largest(Cubic cubic) {
     Found best = {value_at(cubic, 0.0), 0.0};
     Point turns = turns_and_end(cubic);
@@ -61,7 +62,7 @@ Status search_rays(const SearchRays* arguments) {
         auto search = [&](const Segment& segment) {
             auto [x, y, z] = segment.macrocell;
             double& top = tops(z, y, x);
-            if (is_nan(top)) {  // several threads may write here, all the same value
+            if (is_nan(top)) {  // several threads may write here, all of them the same value
                 auto [low, high] = macrocell_range(values, segment.macrocell);
                 top = low <= high ? most(sign * low, sign * high) : -INFINITE;
             }

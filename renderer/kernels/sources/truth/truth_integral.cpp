@@ -15,17 +15,19 @@
 namespace truth {
 namespace {
 
-// A ray ends where its transmittance falls below 1e-12, unless light adds up without absorption.
+// The optical depth at which a ray ends, because its transmittance is 1e-12. If light adds up without absorption, rays
+// do not end.
 constexpr double MAX_OPTICAL_DEPTH = 27.631021115928547;
-// The largest optical depth of a step. With four nodes, steps of at most a voxel and of this depth left errors of at
-// most 6e-8 on two CT scans.
+// The largest optical depth of a quadrature step, for a bound of 1 in `max_steps`. With four nodes, steps of at most a
+// voxel and of this depth left errors of at most 6e-8 on two CT scans.
 constexpr double MAX_DEPTH_OF_STEP = 1.0;
-// The number of nodes of the Gaussian quadrature in a step.
+// The number of points of a step (nodes of the Gaussian quadrature) at which light is computed.
 constexpr int NUM_NODES = 4;
-// The index of the position in the middle of a step, after those of the nodes.
+// The index in PLACES of the middle of a step, which follows the nodes.
 constexpr int MIDDLE = NUM_NODES;
-// The positions of the nodes and of the middle, as shares of a step. The middle has no weight.
+// The positions of the nodes of the quadrature, and of the middle, as shares of a step.
 constexpr double PLACES[] = {0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263, 0.5};
+// The weights of the nodes in the quadrature; the middle has no weight.
 constexpr double WEIGHTS[] = {0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692};
 // The matrix from values at the nodes to the integrals, from 0 to each node, of the cubic through them.
 constexpr double INTEGRALS[][NUM_NODES] = {
@@ -34,22 +36,27 @@ constexpr double INTEGRALS[][NUM_NODES] = {
     {0.16719192197418878, 0.35395300603374397, 0.16303628871563652, -0.014190694931141144},
     {0.1774825722545226, 0.31344511474186837, 0.35267675751627187, 0.08696371128436346},
 };
-// The most steps that the optical depth of a piece leads to, so that their number fits an integer.
+// The largest number of steps into which a piece is divided because of its optical depth, so that the number fits an
+// integer.
 constexpr double MAX_STEPS_BY_DEPTH = 0x1p30;
-// A ray gathers red, green, blue, the optical depth, and then the opacity that each interval adds.
-//
-// This is the index of the optical depth.
+// The index of the optical depth in the numbers that a ray gathers: red, green, blue, the optical depth, and then the
+// opacity that each interval of the transfer function adds.
 constexpr int64_t DEPTH = 3;
-// The index of the first interval's opacity.
+// The index of the first interval's opacity in the numbers that a ray gathers.
 constexpr int64_t FIRST_INTERVAL = 4;
 
-// The colours and densities of a step, at its nodes and in its middle. densities: the optical depth per step. before:
-// the optical depth up to each node.
+// A step of the quadrature along a ray, through one or more layers.
 struct Step {
+    // The colours at the nodes of the quadrature and in the middle of the step.
     Color colors[NUM_NODES + 1];
-    double densities[NUM_NODES + 1], before[NUM_NODES], depth;
+    // The extinctions at the nodes and in the middle, as optical depths over the length of the step.
+    double densities[NUM_NODES + 1];
+    // The optical depth from the step's start to each node.
+    double before[NUM_NODES];
+    // The optical depth of the step.
+    double depth;
 
-    // Add another layer: colours become means, weighted by extinction.
+    // Add the same step through another layer: colours become means, weighted by extinction.
     void add(const Step& other) {
         for (int node = 0; node <= MIDDLE; node++) {
             double sum = densities[node] + other.densities[node];
@@ -71,7 +78,8 @@ struct Step {
     }
 };
 
-// Return one of the equal steps through the part of a layer, each `width` wide in x.
+// Return one of the equal steps through the part of a piece of a layer that is integrated. number: the number of the
+// step. width: the width of each step in x, which goes from 0 to 1 over the part.
 INLINE Step plain_step(const LayerRay& layer, double number, double width) {
     const Piece& part = layer.part;
     // The division turns an integrand in powers of x into its integral from 0 to x, divided by x.
@@ -91,8 +99,8 @@ INLINE Step plain_step(const LayerRay& layer, double number, double width) {
     return step;
 }
 
-// Return one of the equal steps through the part of a layer with factors on extinction: depths come from their values
-// at the nodes.
+// Return one of the equal steps, as `plain_step`, through a layer with factors on extinction: optical depths come from
+// the extinctions at the nodes.
 INLINE Step glossy_step(const LayerRay& layer, double number, double width) {
     const Piece& part = layer.part;
     Cubic tau = restrict_cubic(part.tau, number * width, width);
@@ -119,16 +127,21 @@ INLINE Step step_through(LayerRay& layer, double number, double width) {
     return step;
 }
 
-// The data that all rays of a call share. layers: the layers along one ray. gathered: [steps, 4 + intervals of all
-// layers], what the ray gathers.
+// An integrator of rays, one after the other, with the data that all rays of a call share.
 struct Integrator {
+    // Whether light adds up without absorption.
     bool adds;
+    // The optical depth at which a ray ends.
     double max_depth;
+    // The bounds of the steps, as in IntegrateRays.
     Array<const double, 1> max_steps;
+    // The state of the ray in each layer.
     Array<LayerRay, 1> layers;
+    // [steps, 4 + intervals of all layers]: the numbers that the ray gathers, for each bound of the steps.
     Array<double, 2> gathered;
 
-    // Add the parts of some layers, which overlap, to `gathered`. Return whether this was finished.
+    // Integrate the same part of the ray through the layers in a list, and add it to `gathered`. first: the first layer
+    // of the list. Return false if the kernel was stopped.
     bool integrate_parts(LayerRay* first) const {
         double bound = 0.0, num_parts = 1.0;
         for (LayerRay* layer = first; layer; layer = layer->next)
@@ -157,15 +170,15 @@ struct Integrator {
         return true;
     }
 
-    // Return whether a ray may end, for all step lengths.
+    // Return whether the ray may end, for all bounds of the steps.
     bool is_opaque() const {
         double depth = gathered(0, DEPTH);
         for (int64_t k = 1; k < gathered.shape[0]; k++) depth = least(depth, gathered(k, DEPTH));
         return depth > max_depth;
     }
 
-    // Add a ray to `gathered`, from one end of a piece to the next, for each step length. Return whether this was
-    // finished.
+    // Integrate a ray into `gathered`, from one end of a piece to the next, for each bound of the steps. Return false
+    // if the kernel was stopped.
     bool integrate_ray(int64_t ray) const {
         for (int64_t k = 0; k < layers.shape[0]; k++) layers[k].start(ray);
         for (int64_t k = 0; k < gathered.size(); k++) gathered.data[k] = 0.0;
@@ -191,8 +204,8 @@ struct Integrator {
 }  // namespace
 }  // namespace truth
 
-// Write the premultiplied RGBA of rays, and the share of each interval if asked for. Alpha is 1 - exp(-optical depth),
-// even if light adds up without absorption.
+// Write the premultiplied RGBA of rays and, if there is room, what each interval of the transfer function adds to the
+// opacity. Alpha is 1 - exp(-optical depth), even if light adds up without absorption.
 Status integrate_rays(const IntegrateRays* arguments) {
     using namespace truth;
     const auto& [layers, rays, adds, max_steps, radiance] = *arguments;

@@ -4,13 +4,13 @@
 namespace truth {
 namespace {
 
-// The largest error of the position of a change, as a share of a segment.
+// The largest error of a position at which the label changes, as a share of the length of a segment.
 constexpr double TOLERANCE = 1e-12;
-// The longest part of a segment, as a share of it, whose label may be missed.
+// A label that wins only on a part of a segment shorter than this, as a share of the segment's length, may be missed.
 constexpr double LEAST_WIDTH = 0x1p-8;
-// The largest sum of the magnitudes of the slopes of weights along an axis. One label's lead over another changes no
-// faster. So between two positions with the same winner, no other label wins if the leads there are too large to be
-// lost on the way.
+// The largest sum of the magnitudes of the slopes of weights along an axis: one label's lead over another changes no
+// faster. If the same label wins at two positions, and its leads there are too large to be lost in between, no other
+// label wins between the positions.
 constexpr double LARGEST_SLOPE = 2.0;
 
 // Write the weights of the voxels before, at and after the nearest voxel, for a point at a distance of t from the

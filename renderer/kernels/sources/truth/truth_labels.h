@@ -9,40 +9,54 @@
 
 namespace truth {
 
-// The most changes of label that are found in a segment. There are far fewer, unless rounding makes more.
+// The largest number of changes of the label that are found in a segment. There are far fewer, unless rounding makes
+// more.
 constexpr int64_t MAX_LABEL_CHANGES = 64;
 
-// The labels along a segment. splits: the positions where another label wins, or where another voxel becomes the
-// nearest. num_changes: the number of positions where another label wins.
-//
-// numbers: the label numbers of 4^3 voxels, from the voxel before the cell on, x fastest. first: for each of these
-// voxels, the first voxel with the same number.
+// The labels along a segment of a ray.
 struct LabelSegment {
+    // The label numbers of the 4^3 voxels around the cell, x fastest.
     double numbers[64];
+    // For each voxel in `numbers`, the index of the first voxel with the same label number.
     uint8_t first[64];
-    Point entry, extent;
+    // The point at which the ray enters the cell, as in Segment.
+    Point entry;
+    // The vector from the segment's start to its end, as in Segment.
+    Point extent;
+    // The positions t at which another label wins, or another voxel becomes the nearest, ascending.
     Array<double, 1> splits;
-    int64_t num_splits, num_changes;
+    // The number of positions in `splits`.
+    int64_t num_splits;
+    // The number of splits at which another label wins.
+    int64_t num_changes;
 
-    // Return the number that wins at t along the segment, and by how much its sum exceeds the next largest sum.
+    // The label that wins at a position along the segment.
     struct Winner {
-        double t, number, lead;
+        // The position along the segment, from 0 to 1.
+        double t;
+        // The number of the label that wins at the position.
+        double number;
+        // By how much the sum of weights of the label that wins exceeds the next largest sum.
+        double lead;
     };
 
-    // Load the labels of a segment, and find all splits. Return the number of splits.
+    // Load the labels of a segment, and find all splits. Return the number of splits. scratch: room for the splits.
     int64_t load(const AnyArray<3>& values, const Segment& segment, const Array<double, 1>& scratch);
 
+    // Return the label that wins at t along the segment.
     Winner winner_at(double t) const;
 
-    // Add to the splits the positions between two positions where another label wins.
+    // Find the positions between `low` and `high` at which another label wins, and add them to the splits.
     void find_changes(Winner low, Winner high);
 };
 
-// The length of the vector towards a fixed light by which normals turn, so that the faces of cut labels are lit far
-// from a surface.
+// The length of a vector towards a fixed light that is added to the normals of labels, which are slopes of smoothed
+// opacities. With it, a face that clipping cuts through a label is lit also far from the label's surface, where the
+// slope is 0.
 constexpr double LABEL_TILT = 0.05;
 
-// Write the differences along x, y, z of the smoothed opacity of voxels, at the corners of a cell.
+// Write the central differences along x, y, z of the smoothed opacities of voxels, at the corners of a cell. opacities:
+// the opacity of each label, by its number.
 void load_label_differences(const AnyArray<3>& values, Cell cell, const Array<const double, 1>& opacities,
                             double (*corners)[8]);
 

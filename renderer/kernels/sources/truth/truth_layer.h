@@ -6,14 +6,14 @@
 // number is constant between the positions where another label wins (truth_labels.h). If voxels are colours, extinction
 // and its products with colour are such cubics themselves, interpolated between lit voxels.
 //
-// Most cells show nothing. This is found out once for each macrocell, when the first ray meets it.
+// Most cells show nothing. Whether a macrocell may show anything is found out when the first ray meets the macrocell.
 #pragma once
 #include "truth/truth_labels.h"
 #include "truth/truth_light.h"
 
 namespace truth {
 
-// The states of a macrocell.
+// The states of a macrocell: not looked at yet, showing nothing, and maybe showing something.
 enum : uint8_t { UNKNOWN, EMPTY, VISIBLE };
 
 // A colour: red, green, blue.
@@ -35,15 +35,25 @@ struct Interval {
     INLINE bool has_extinction(double value) const { return base() + slope() * (value - origin()) > 0.0; }
 };
 
-// A piece of a cell, from `start` over `extent` in t. Its functions are of x in [0, 1].
-//
-// number: the number of the interval that holds its values. value: the scalar. tau: the optical depth per unit of x.
+// A piece of a segment, whose values all lie in one interval of the transfer function. A position in the piece is x,
+// from 0 to 1.
 struct Piece {
+    // The interval of the transfer function that holds the values of the piece.
     Interval interval;
+    // The number of the interval that holds the values of the piece.
     int64_t number;
-    double start, extent, length_voxels;
-    Cubic value, tau;
+    // The position on the segment, from 0 to 1, at which the piece starts.
+    double start;
+    // The extent of the piece, as a share of the segment.
+    double extent;
+    // The length of the piece, in voxels.
+    double length_voxels;
+    // The scalar as a cubic in x, times `Intervals.scale`.
+    Cubic value;
+    // The optical depth per unit of x, as a cubic in x.
+    Cubic tau;
 
+    // Return the part of the piece between two positions in x.
     INLINE Piece part(double from, double to) const {
         if (from == 0.0 && to == 1.0) return *this;
         double width = to - from;
@@ -53,17 +63,18 @@ struct Piece {
         };
     }
 
-    // Return the largest Bernstein coefficient of the optical depth, which bounds it from above.
+    // Return an upper bound of the optical depth: the largest Bernstein coefficient of its cubic.
     INLINE double depth_bound() const {
         auto [t0, t1, t2, t3] = tau;
         return most(most(most(t0, t0 + t1 / 3.0), t0 + (2.0 * t1 + t2) / 3.0), t0 + t1 + t2 + t3);
     }
 };
 
-// Return a cubic on x in [0, 1] that should lie in [low, high], or a constant if it strays too far.
+// Return a cubic that should lie in [low, high] for x in [0, 1]; if it lies too far outside, return a constant in place
+// of it.
 //
-// The cubic strays if the interval, and so the piece, is narrower than the rounding errors of the cubic: between such
-// knots, extinction would be extrapolated without bounds.
+// The cubic lies outside if the interval is narrower than the cubic's rounding errors. Extinction would then be
+// extrapolated without bounds.
 inline Cubic clamp_cubic(Cubic f, double low, double high) {
     auto [a, b, c, d] = f;
     // The other Bernstein coefficients; the first one is a.
@@ -73,8 +84,9 @@ inline Cubic clamp_cubic(Cubic f, double low, double high) {
     return {least(most(0.5 * (a + three), low), high), 0.0, 0.0, 0.0};
 }
 
-// Return the most splits of a cell. A cubic passes a knot at most three times, and so do the cosines of the light and
-// of the view. At most three times another voxel becomes the nearest. Labels pass no knots, but change.
+// Return the largest number of splits of a cell. A cubic passes each knot at most three times, and the cosines of the
+// light and of the view pass 0 at most three times. Another voxel becomes the nearest at most three times. Labels pass
+// no knots, but change at most MAX_LABEL_CHANGES times.
 inline int64_t num_splits_of(const LayerOptics& layer) {
     return 3 * (layer.intervals.rows.shape[0] + 2) + MAX_LABEL_CHANGES;
 }
@@ -88,42 +100,64 @@ inline bool fit(const LayerOptics& layer, const IndexRays& rays, int64_t num_ray
         (!layer.shading.exists || layer.shading.value.factors.shape[1] == 3);
 }
 
+// Return the weighted sum of the three components of a gradient.
 inline Cubic combination(Point weights, const Gradient& gradient) {
     return weights.x * gradient.x + weights.y * gradient.y + weights.z * gradient.z;
 }
 
-// A ray through a layer, which stands at one piece at a time. begin, end: the ends of the piece, as lengths along the
-// ray.
-//
-// reached: the length up to which the ray has been integrated; infinite behind the last piece.
-// done: the x of the piece at `reached`.
-// part: the part of the piece that is integrated next.
-// depth: the optical depth of a step through the part.
-// next: the next layer that has a piece there.
+// A ray through a layer, which stands at one piece of one cell at a time.
 struct LayerRay : LayerOptics {
-    // Members for all rays. splits: scratch space. first_interval: the index of the layer's first interval in
-    // `gathered`.
+    // All rays, in the index space of the layer.
     const IndexRays* rays;
+    // Room for the positions on the segment, from 0 to 1, at which it is split into pieces, ascending.
     Array<double, 1> splits;
+    // The index, in the numbers that a ray gathers, of the opacity of the layer's first interval.
     int64_t first_interval;
-    // Members for one ray.
+    // [k, 2]: the parts of the ray, as in IndexRays.
     Array<const double, 2> parts;
+    // The number of parts of the ray that have been begun.
     int64_t num_begun;
+    // The walk from cell to cell along the part of the ray that was begun last.
     CellWalk walk;
+    // The light on the segment; unset if the layer has no light.
     Light light;
-    // Members for one cell. is_mixed: whether the cell has several labels, which are then in `labels`. num_taken: the
-    // number of its pieces that have been taken; pieces end at the splits and at 1.
+    // The part of the ray inside the cell at which the ray stands.
     Segment segment;
+    // The scalar along the segment, as a cubic, times `Intervals.scale`.
     Cubic cubic;
+    // The gradient of the scalar along the segment, per world unit.
     Gradient gradient;
-    Cubic channels[4];  // (tau c, tau) if voxels are colours
+    // The channels (tau c, tau) along the segment, if voxels are colours.
+    Cubic channels[4];
+    // The corners of the cell without data, one bit for each, x fastest.
     int absent;
+    // Whether the cell has several labels.
     bool is_mixed;
+    // The labels along the segment, if the cell has several.
     LabelSegment labels;
-    int64_t num_splits, num_taken;
-    double taken, length_voxels;
-    Piece piece, part;
-    double begin, end, reached, done, depth;
+    // The number of splits of the cell.
+    int64_t num_splits;
+    // The number of pieces of the cell that have been taken. Pieces end at the splits and at 1.
+    int64_t num_taken;
+    // The position on the segment at which the last piece that was taken ends.
+    double taken;
+    // The length of the segment, in voxels.
+    double length_voxels;
+    // The piece at which the ray stands.
+    Piece piece;
+    // The part of the piece that is integrated next.
+    Piece part;
+    // The length along the ray at which the piece begins.
+    double begin;
+    // The length along the ray at which the piece ends.
+    double end;
+    // The length up to which the ray has been integrated; infinite behind the last piece.
+    double reached;
+    // The position x up to which the piece has been integrated.
+    double done;
+    // The optical depth of a step through `part`.
+    double depth;
+    // The next layer that has a piece at the same place; null behind the last one.
     LayerRay* next;
 
     void prepare(const LayerOptics& optics, const IndexRays& of_layer, const Array<double, 1>& scratch, int64_t first) {
@@ -191,7 +225,7 @@ struct LayerRay : LayerOptics {
             channels[channel] = cubic_in_cell(corners[channel], segment.entry, segment.extent);
     }
 
-    // Return the factor on the colour of a voxel with this gradient along the index axes.
+    // Return the factor on the colour of a voxel whose gradient along the index axes is `in_index`.
     double lit_at(Cell voxel, Point in_index) {
         auto along = [&](int row) {
             return Cubic{dot(point_of(&shading.value.world_from_gradient[3 * row]), in_index), 0.0, 0.0, 0.0};
@@ -200,7 +234,7 @@ struct LayerRay : LayerOptics {
         return light.factors_at({along(0), along(1), along(2)}, 0.0).lit;
     }
 
-    // Return the colour at t along the cell, if voxels are colours.
+    // Return the colour at t along the segment, for a volume whose voxels are colours.
     INLINE Color own_color(double t) const {
         double tau = value_at(channels[3], t);
         if (!(tau > 0.0)) return {};
@@ -221,7 +255,7 @@ struct LayerRay : LayerOptics {
         cubic = cubic_in_cell(corners, entry, extent);
         if (colors.exists) {
             load_channels(corners);
-            num_splits = absent = 0;  // a voxel without data has no extinction, but no edge
+            num_splits = absent = 0;  // voxels without data have no extinction here, but no sharp edge
             return true;
         }
         num_splits = is_mixed ? labels.load(values, segment, splits) : add_crossings(cubic, intervals.knots, splits, 0);
@@ -240,13 +274,13 @@ struct LayerRay : LayerOptics {
     // Enter the next cell that shows anything. Return whether there is such a cell.
     bool enter_next() {
         for (;; num_begun++) {
-            CellWalk ahead = walk;  // a copy, which stays in registers; so does the next one
+            CellWalk ahead = walk;  // copies of members, which stay in registers
             const Array<uint8_t, 3> states = macrocells;
             for (Segment met; ahead.next(met);) {
                 if (!(met.end > met.start)) continue;
                 auto [x, y, z] = met.macrocell;
                 uint8_t& state = states(z, y, x);
-                if (state == UNKNOWN) state = classify(met.macrocell);  // the same value on all threads
+                if (state == UNKNOWN) state = classify(met.macrocell);  // all threads find the same value
                 if (state == EMPTY) continue;
                 segment = met;
                 if (!enter()) continue;
@@ -279,7 +313,7 @@ struct LayerRay : LayerOptics {
         return true;
     }
 
-    // Make the next part of the ray that shows anything the current piece.
+    // Make the next piece of the ray that shows anything the current piece.
     void take_next() {
         do {
             while (num_taken <= num_splits) {
@@ -293,7 +327,8 @@ struct LayerRay : LayerOptics {
         reached = INFINITE;
     }
 
-    // Choose the part to integrate: from where the piece has been integrated up to a length along the ray.
+    // Choose the part of the piece that is integrated next: it begins where the last part ended, and ends at a length
+    // along the ray.
     INLINE void reach(double length) {
         double to = length < end ? most(done, (length - begin) / (end - begin)) : 1.0;
         part = piece.part(done, to);

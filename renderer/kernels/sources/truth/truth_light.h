@@ -6,7 +6,8 @@
 
 namespace truth {
 
-// The smallest sum of squares that is accurate; the largest one is its reciprocal.
+// Sums of squares are accurate between this number and its reciprocal: below, squares lose digits to underflow; above,
+// they may overflow.
 constexpr double LEAST_SQUARE = 0x1p-900;
 
 // The three components of the gradient along a segment, each a cubic.
@@ -14,17 +15,24 @@ struct Gradient {
     Cubic x, y, z;
 };
 
-// The light on a ray, and on a segment of it.
-//
-// viewer: the unit vector towards the viewer. halfway: the unit vector halfway between the directions to the light and
-// to the viewer; zeros if they are opposite. begin, extent: the start and the extent of the segment, in index space.
-// removed: the clipped sets whose faces are lit.
+// The light on a ray, and on one of its segments.
 struct Light {
     const RayShading* shading;
-    Point light, viewer = {}, halfway = {}, begin = {}, extent = {};
+    // The unit vector towards the light.
+    Point light;
+    // The unit vector towards the viewer.
+    Point viewer = {};
+    // The unit vector halfway between the directions to the light and to the viewer; zeros if these are opposite.
+    Point halfway = {};
+    // The start of the segment, in index space.
+    Point begin = {};
+    // The vector from the segment's start to its end, in index space.
+    Point extent = {};
+    // The clipped sets whose cut faces are lit by their own normals.
     Array<const RemovedSet, 1> removed = {};
 
-    // direction: the direction of the ray in index space, of length 1 in the world.
+    // Find the directions to the light and to the viewer for a ray. direction: the direction of the ray in index space,
+    // of length 1 in the world.
     INLINE Light(const RayShading& spec, Point direction) : shading(&spec), light(point_of(spec.light)) {
         if (shading->is_plain) return;
         auto towards = [&](int row) { return -dot(point_of(&shading->world_from_index[3 * row]), direction); };
@@ -35,7 +43,8 @@ struct Light {
         halfway *= length > 0.0 ? 1.0 / length : 0.0;
     }
 
-    // Return the share of the light that arrives at t along the segment, by one of the grids.
+    // Return the share of the light that arrives at t along the segment. grid: the grid for occlusion or for shadow.
+    // strength: how much of the grid's factors applies, from 0 to 1.
     double arriving(const Array<const float, 3>& grid, double strength, double t) const {
         if (grid.size() == 0) return 1.0;
         double place[3], mean = 0.0;
@@ -54,11 +63,16 @@ struct Light {
         return 1.0 - strength * (1.0 - mean);
     }
 
-    // A vector against the gradient at t, the gradient's length, which may be 0, and the divisor of both.
+    // The normal at a point: a vector against the gradient.
     struct Normal {
+        // The negative gradient, divided by `divisor`.
         Point vector;
-        double length, divisor;
+        // The length of `vector`, which may be 0.
+        double length;
+        // The divisor of the gradient, with which squares neither overflow nor vanish; 0 if the gradient is 0.
+        double divisor;
     };
+    // Return the normal at t along the segment.
     INLINE Normal normal_at(const Gradient& gradient, double t) const {
         Point normal = -Point{value_at(gradient.x, t), value_at(gradient.y, t), value_at(gradient.z, t)};
         double square = dot(normal, normal), divisor = 1.0;
@@ -70,13 +84,16 @@ struct Light {
         return {normal, __builtin_sqrt(square), divisor};
     }
 
-    // The factor on the colour, and the white light that is added to it.
+    // The light on a point.
     struct Lit {
-        double factor, highlight;
+        // The factor on the colour of the point.
+        double factor;
+        // The white light that is added to the colour of the point: a highlight.
+        double highlight;
     };
 
-    // Mix the light by the gradient at t, `lit`, with the light by the cut faces near it. lit_by: returns the light for
-    // a unit vector.
+    // Return the light at t along the segment, a mixture of two lights: `lit`, by the gradient, and the light by the
+    // normals of cut faces near the point. lit_by(normal): returns the light for a unit vector as the normal.
     template <class LitBy>
     INLINE Lit with_faces(Lit lit, double t, LitBy lit_by) const {
         if (removed.shape[0] == 0) return lit;
@@ -104,7 +121,7 @@ struct Light {
         return {rest * lit.factor + share * of_faces.factor, rest * lit.highlight + share * of_faces.highlight};
     }
 
-    // Return the factor on the colour, by Lambert's law.
+    // Return the factor on the colour at t along the segment, by Lambert's law.
     INLINE double lambert_factor(const Gradient& gradient, double t) const {
         auto [normal, length, divisor] = normal_at(gradient, t);
         auto lit_by = [&](double cosine) { return Lit{shading->ambient + shading->diffuse * most(0.0, cosine), 0.0}; };
@@ -121,11 +138,17 @@ struct Light {
         return factor;
     }
 
-    // The factor on the colour, the white light that is added to it, and the factor on extinction, at t (J. F. Blinn,
-    // "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH 1977).
+    // The light on a point, and the effect of its gradient on extinction.
     struct Factors {
-        double lit, highlight, extinction;
+        // The factor on the colour of the point.
+        double lit;
+        // The white light that is added to the colour of the point: a highlight.
+        double highlight;
+        // The factor on the extinction at the point.
+        double extinction;
     };
+    // Return the factors at t along the segment (J. F. Blinn, "Models of Light Reflection for Computer Synthesized
+    // Pictures", SIGGRAPH 1977).
     INLINE Factors factors_at(const Gradient& gradient, double t) const {
         auto [normal, length, divisor] = normal_at(gradient, t);
         double ambient = shading->ambient * arriving(shading->grid.occlusion, shading->grid.occlusion_strength, t);

@@ -1,7 +1,8 @@
 // Project the bounds of bricks into a view.
 #include "view/kernels.h"
 
-// The least depth of a corner, in model units, by which its position is divided. A box with a nearer corner is cut.
+// In perspective, a box with a corner at this depth or less, in model units, gets the rectangle of the whole image: the
+// position of such a corner on the image would be a division by almost 0.
 constexpr double MIN_DEPTH = 1e-6;
 
 // Write the image rectangle of each box of bounds, clipped to the image enlarged by `beyond` pixels on each side.

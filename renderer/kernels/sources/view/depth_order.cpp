@@ -33,8 +33,8 @@ Status sort_by_key(int num_bits, const Array<uint32_t, 1>& order, KeyOf key_of) 
     return DONE;
 }
 
-// Write digits for each index along an axis, two bits a level: 1 if a level's splitting plane hides the index from the
-// eye.
+// Write base-4 digits for each voxel index along an axis, one digit of two bits for each level: 1 if the level's
+// splitting plane lies between the index and the eye, otherwise 0.
 void fill_digits(double eye, int64_t num, int num_levels, uint64_t* digits) {
     for (int64_t index = 0; index < num; index++)
         for (int level = 0; level < num_levels; level++) {
@@ -46,7 +46,7 @@ void fill_digits(double eye, int64_t num, int num_levels, uint64_t* digits) {
 
 }  // namespace
 
-// Sort by descending depth, and equal depths by ascending index.
+// Write the indices of depths, sorted by descending depth, and equal depths by ascending index.
 Status depth_order(const DepthOrder* arguments) {
     const auto [depths, order] = *arguments;
     if (order.shape[0] != depths.shape[0]) return OUT_OF_BOUNDS;
@@ -62,8 +62,9 @@ Status depth_order(const DepthOrder* arguments) {
 // Sort nodes of the octree back to front, as boxes (Laur and Hanrahan 1991).
 //
 // A child of a node may hide another child only if fewer of the node's three splitting planes lie between it and the
-// eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's first. It is a sum over the axes, so that
-// three tables by coordinate give every key. The digits of splitting planes inside the cell are cleared.
+// eye. The number of these planes, 0 to 3, is one base-4 digit of a cell's key, with a digit for each node around the
+// cell; the root's digit comes first. Cells are sorted by descending key. A key is a sum over the three axes, so that
+// one table for each axis gives every key. The digits of splitting planes inside the cell are cleared.
 Status box_order(const BoxOrder* arguments) {
     const auto [levels, cells, eye, shape, order] = *arguments;
     const int64_t num = order.shape[0];

@@ -2,8 +2,8 @@
 #include "view/kernels.h"
 
 // Write the depths of the splats' centres, and whether their footprints may meet the image. Depths are relative to the
-// model's origin: from a distant eye they would lose their order in float32. A splat that the near plane clips is not
-// drawn at its centre, and counts as in the image.
+// model's origin: measured from a distant eye, they would lose their order in float32. A splat that the near plane
+// clips is not drawn at its centre, and so always counts as a splat that meets the image.
 Status cull_splats(const CullSplats* arguments) {
     const auto [vertices, sigmas, cutoff, min_sigma_px, clipped_sigmas, culled_sigmas, camera, along, depths,
                 is_visible] = *arguments;
@@ -12,8 +12,8 @@ Status cull_splats(const CullSplats* arguments) {
     const auto& r = camera.view_from_model;
     const double scale = camera.scale_px, reach_px = cutoff * min_sigma_px + 1.0;
     const double half_width = 0.5 * camera.size[0] + reach_px, half_height = 0.5 * camera.size[1] + reach_px;
-    // The reach on the image, in pixels times depth, of a ball of radius 1, linearised at no more than the largest
-    // slopes.
+    // The radii of the image of a ball of radius 1, across and down the image, in pixels times depth. The projection is
+    // linearised at no more than the largest slopes.
     const double side = scale * __builtin_sqrt(1.0 + camera.slope_limit[0] * camera.slope_limit[0]);
     const double top = scale * __builtin_sqrt(1.0 + camera.slope_limit[1] * camera.slope_limit[1]);
     // The compiler's own vectors would use gather instructions, which take longer.

@@ -5,9 +5,9 @@
 
 // A box of voxels.
 struct VoxelBox {
-    // The first voxel (x, y, z).
+    // The place (x, y, z) of the first voxel of the box.
     int64_t first[3];
-    // The number of voxels along x, y, z.
+    // The number of voxels of the box along x, y, z.
     int64_t extent[3];
 };
 
@@ -15,6 +15,7 @@ struct VoxelBox {
 INLINE VoxelBox box_of(const AnyArray<3>& raw) { return {{}, {raw.shape[2], raw.shape[1], raw.shape[0]}}; }
 
 // Write the scalars of side^3 voxels from `first` (x, y, z) on. Beyond the box, the nearest voxel is repeated.
+// by_pattern: the scalar of each bit pattern, for voxels of at most 16 bits.
 void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const VoxelBox& box,
                   const int64_t* first, int64_t side, double* out);
 
@@ -33,7 +34,8 @@ INLINE void for_voxels(const VoxelBox& box, Function function) {
     else call(num_x, num_y, num_z);
 }
 
-// Return whether there is a scalar for each bit pattern, and no table for wider values.
+// Return whether a table of scalars fits the voxels: it has a scalar for each bit pattern of voxels of at most 16 bits,
+// and does not exist for wider voxels.
 inline bool fits(const Maybe<Array<const double, 1>>& by_pattern, const AnyArray<3>& raw) {
     if (raw.dtype >= 4) return !by_pattern.exists;
     return raw.dtype % 2 == 0 && by_pattern.exists && by_pattern.value.shape[0] == 1 << (raw.dtype == 0 ? 8 : 16);
