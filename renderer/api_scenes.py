@@ -104,7 +104,7 @@ def _with_transfer_functions(scene: Scene, other: Scene) -> Scene:
 
 
 def _wish(transfer_function: Any) -> Wish | None:
-    """Return the user's wish for a suggested transfer function; None if the option is not a wish."""
+    """Return the colormap or preset that a suggestion shall have; None if `transfer_function` is not a name of one."""
     match transfer_function:
         case str(colormap):
             return Wish(colormap)

@@ -58,8 +58,9 @@ def preview(
 
     SCENE is a YAML file, or the JSON file beside a film; VOLUME a file, or a folder of slices, whose scene is
     suggested. The page shows frames of the film, the object as it turns, histograms with the visible values marked,
-    slices, and variants with the lines that make them; it needs no network. For a VOLUME, the other options are as for
-    turntable. With --watch the page shows one picture of a SCENE, coarse at once and then finer, until Ctrl-C.
+    slices, and variants of the scene with the lines of YAML that give them; it needs no network. For a VOLUME, the
+    other options are as for turntable. With --watch the page shows one picture of a SCENE, coarse at once and then
+    finer, until Ctrl-C.
     """
     request = SceneRequest(source, overrides, volume)
     if source.suffix.lower() in (".yaml", ".yml", ".json"):

@@ -193,7 +193,7 @@ def _origin_notes(before: GoldenOrigin, now: GoldenOrigin) -> Iterator[str]:
 
 
 def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]) -> Iterator[str]:
-    """Yield notes on missing and changed goldens, and on other pictures."""
+    """Yield notes on goldens that are missing or changed, and on pictures in their folder that are no goldens."""
     gone = [golden.file for golden in goldens if not (folder / golden.file).exists()]
     made = [MadeFile(folder / golden.file, golden.digest) for golden in goldens if golden.file not in gone]
     changed = [each.path.name for each in made if not each.is_unchanged]

@@ -5,7 +5,7 @@ an `Executor` of `renderer.job`.
 
 - `scheduler.py`: `open_executor` and the executor that uses Dask; `drawing_options.py`: `--scheduler` and `--memory`.
 - `cluster/` uses Dask: `cluster_drawing.py` draws frames ahead and returns them in order, `connection.py` connects to
-  the scheduler, `registry.py` keeps track of the workers, `worker.py` runs on them.
+  the scheduler, `registry.py` keeps track of the workers, `worker.py` runs on them and gets the voxels once.
 """
 
 import lazy_loader

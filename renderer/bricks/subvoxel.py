@@ -1,6 +1,7 @@
-"""Make the curve on which the sub-voxel variation of bricks of voxels is measured.
+"""Make the curve by which sub-voxel variation is measured: colour and extinction over the scalar.
 
-The kernel in `renderer/kernels/sources/bricks/subvoxel.cpp`, which defines sub-voxel variation, takes this curve.
+Sub-voxel variation, the distance of this curve from straight lines between neighbouring voxels, is defined and computed
+by `renderer/kernels/sources/bricks/subvoxel.cpp`.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ drawing under temporary names and renames them at the end. `locked_output` keeps
 - `lock.py`: locks by which one job at a time writes an output
 - `runs.py`: consecutive frames as ranges
 - `digests.py`: digests of files and records
-- `written_files.py`: the list of all files that a job writes, and checks of their names
+- `written_files.py`: the list of all files that a job writes; refuses outputs that would replace an input
 """
 
 import lazy_loader

@@ -16,7 +16,7 @@ Sizes are checked before memory is taken, and the checksums of compressed voxels
 - `file_errors.py`: errors for files that cannot be read
 - `statements.py`: the type of the tables of fields that change how voxels are understood, and the note on unapplied
   fields; the reader of each format has its table, `STATEMENTS`
-- `nodata.py`: the search for voxels without data
+- `nodata.py`: finds voxels without data: NaN, infinities and fill values
 - `units.py`: the units of lengths and values, and the axes of the world
 - `steps_in_time.py`: the number and the times of steps
 - `recent_images.py`: a cache of the images that were read last

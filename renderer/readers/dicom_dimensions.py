@@ -132,7 +132,7 @@ def _told_apart(groups: list[list[Frame]]) -> tuple[_Volumes, list[Dimension]] |
 
 
 def _dimensions_of(groups: Sequence[Sequence[Frame]]) -> list[Dimension]:
-    """Return the dimensions of frames, in the order in which they are tried."""
+    """Return the dimensions (such as time or echo) in which frames of one place may differ, in the order of trial."""
     return list(dict.fromkeys(each for group in groups for frame in group for each in frame.marks))
 
 

@@ -19,7 +19,7 @@ Its field types also check sidecars and golden records. Importing it imports no 
   with its checks for unknown and missing keys; `tree_node.py`: the base of all field types, and the reader of values
   that move; `motion.py`: `Motion`, a value that moves, and `OverFrames`, a part of a scene that is read at a frame.
 - `limits.py`: checks of several numbers together; `colors.py`: the colours of a scene; `colormaps.py`: named colormaps;
-  `message_text.py`: values in messages; `schedule.py`: the tolerance or budget of each frame.
+  `message_text.py`: values and "did you mean" in messages; `schedule.py`: the tolerance or budget of each frame.
 """
 
 import lazy_loader

@@ -128,7 +128,7 @@ class FilmScene(ABC):
 
     @property
     def film_layers(self) -> tuple[OverFrames[LayerSpec], ...]:
-        """Return each layer of the scene over all frames of the film."""
+        """Return the layers of the film scene, whose values may move: each can be read at a frame."""
         return tuple(map(OverFrames, self._sections.layers))
 
     @property

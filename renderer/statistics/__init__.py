@@ -7,8 +7,8 @@ Nyul and Udupa 1999.
 - `histogram.py`: range, mean, histogram; `percentiles.py`: exact ranks; `isolated.py`: hot and dead pixels, which are
   left out of the range; `number_text.py`: values and shares as text.
 - `voxel_sample.py`: a sample of the voxels; `background.py`: the background and its noise; `padding.py`: zeros at the
-  border, which are no background; `fill_value.py`: the value that voxels without data count as; `medium.py`: an even
-  medium around the object; `coarse_cells.py`: voxels deep inside the visible part.
+  border, which are no background; `fill_value.py`: chooses the scalar that voxels without data get; `medium.py`: an
+  even medium around the object; `coarse_cells.py`: voxels deep inside the visible part.
 - `smoothness.py`: differences between neighbours, `spread.py`: distances from a middle, `level_crossings.py`: how often
   rays cross a level: three measurements that tell fields, scans and noise apart.
 - `classes.py`: thresholds and materials; `hounsfield.py`: computed tomography; `level_sets.py`: signed distances and

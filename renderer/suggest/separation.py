@@ -196,7 +196,7 @@ def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
     sheets = np.zeros_like(cells)
     sheets[cells] = parts.is_sheet[of_cell] & (of_cell != main)
     # Cells grow, so that the pieces of a broken thin structure, such as an insect's leg or a vessel, belong together.
-    # Sheets are left out, since they may be broken, too.
+    # Sheets do not grow: cells of a broken sheet, such as a table under a patient, would join the object.
     grown = label_parts(grow(cells & ~sheets, _GAP))[cells]
     is_near = np.bincount(of_cell, grown == grown[of_cell == main][0], num) > 0
     of_sheet = np.bincount(of_cell, grow(sheets, 1)[cells], num) > 0

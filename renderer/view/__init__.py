@@ -12,7 +12,7 @@ cells are in the picture; the order of the splats or bricks that it sees, and th
 - `order_blending.py`: several draw orders of splats, blended while a turning camera passes from one to the next
 - `brick_projection.py`: the bricks that a view sees, their rectangles on the image, and the rays through them
 - `clip_slabs.py`: the scene's clip planes and boxes in the index space of rays
-- `depth_order.py`: splats sorted by depth, and octree cells sorted as boxes (Laur and Hanrahan 1991)
+- `depth_order.py`: splats sorted by depth, and bricks and octree cells sorted as boxes (Laur and Hanrahan 1991)
 """
 
 import lazy_loader
