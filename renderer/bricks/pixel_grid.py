@@ -19,17 +19,26 @@ from renderer.volume import Float64, Int64
 # The tolerance from which on a subsampled pixel grid is used, the stride that the cells must allow, and the strides.
 # Every pixel is drawn at smaller tolerances. Decision 025 has what was measured.
 STRIDES = ((2.0, 8, (8, 4)), (1.0, 4, (4, 2)), (0.6, 4, (4, 1)), (0.15, 4, (2, 1)))
-# Nodes of a grid of that stride are at most MAX_STRIDE_CELLS of the finest cells apart for each STRIDE_TOLERANCE_UNIT
-# of the tolerance, four of them at 0.3, and at most this share of the volume's thinnest side. Thinner structures may
-# fall between them: a sheet seen edge-on, or what a steep transfer function leaves of a cell.
-MAX_STRIDE_CELLS, STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
-# In tolerances: by how much nodes may differ if pixels between them are interpolated, and the transmittance at which a
-# ray ends. With a transmittance of 0.08 instead of 0.04, two CT scans lose 1 to 1.5 dB, with 0.15 3 to 5 dB more, and
-# gain 2 to 4 % of the time.
-DIFFERENCE_THRESHOLD, MAX_DIFFERENCE_THRESHOLD = 0.35, 0.35
-TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = 0.04, 0.025
+# The largest distance between two nodes of a subsampled pixel grid, in widths of the finest drawn cells, for each
+# STRIDE_TOLERANCE_UNIT of the tolerance: four cells at 0.3. Thinner structures may fall between the nodes, such as a
+# sheet seen edge-on, or the part of a cell that a steep transfer function shows.
+MAX_STRIDE_CELLS = 1.35
+# The tolerance at which nodes may be MAX_STRIDE_CELLS cells apart.
+STRIDE_TOLERANCE_UNIT = 0.1
+# The largest distance between two nodes of a subsampled pixel grid, as a share of the volume's thinnest side.
+MAX_STRIDE_THICKNESS = 0.5
+# The difference between nodes up to which the pixels between them are interpolated, in tolerances.
+DIFFERENCE_THRESHOLD = 0.35
+# The largest difference, of colours from 0 to 1, up to which pixels are interpolated, however coarse the tolerance is.
+MAX_DIFFERENCE_THRESHOLD = 0.35
+# The transmittance at which a ray ends, in tolerances. With 0.08 instead of 0.04, two CT scans lose 1 to 1.5 dB, with
+# 0.15 another 3 to 5 dB, and gain 2 to 4 % of the time.
+TERMINATION_TRANSMITTANCE = 0.04
+# The largest transmittance at which a ray ends, however coarse the tolerance is.
+MAX_TERMINATION_TRANSMITTANCE = 0.025
 
-# Rays along the rows and columns of a pixel, where its neighbours differ, and where these rays differ.
+# The numbers of rays along each row and column of a pixel: the first if the pixel differs from a neighbour, the
+# second if the rays of the first number differ.
 RAYS_ACROSS = (2, 4)
 # The difference between a pixel and a neighbour up to which one ray is enough, in tolerances. At 512 x 512 and
 # tolerance 0.1, 1.5 gives 53.1, 52.4 and 53.2 dB (engine, bonsai, labels) of the mean over the pixel in 1.5, 2.0 and
@@ -40,9 +49,11 @@ CONTRAST_THRESHOLD = 1.5
 # four pixels of 4, so that a larger difference than between pixels is worth them.
 SPREAD_THRESHOLD = 4.0
 
-# How far the ray of a scattered pixel moves from one column, and from one row, to the next, along x and y, in 2^-32.
+# The distance, along x and y in units of 2^-32 pixels, by which the ray of a scattered pixel moves from one column to
+# the next (first row), and from one row to the next (second row).
 SCATTER = np.array([[1779033703, 1013904243], [3144134277, 2773480762]])
-# Of pixels that are smaller than a cell none is scouted: structures are thinner than a pixel where cells are.
+# The width of the finest cells, in pixels, from which on no pixel is scouted: thinner structures than a pixel need
+# smaller cells than a pixel.
 MAX_SCOUTED_CELL_PX = 1.0
 # The least contrast that counts: half a level of 8 bits.
 MIN_CONTRAST_THRESHOLD = 0.5 / 255
