@@ -6,7 +6,10 @@ from .decibels import (
     wanted_error as wanted_error,
 )
 from .encoding import (
+    EncodingLoss as EncodingLoss,
     encoding_loss as encoding_loss,
+    finer_drawing as finer_drawing,
+    finer_encoding as finer_encoding,
     finer_than_kept as finer_than_kept,
     typical_kept_psnr as typical_kept_psnr,
     typical_psnr as typical_psnr,

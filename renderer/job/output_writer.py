@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-from renderer.accuracy import MOST_DB, encoding_loss, psnr
+from renderer.accuracy import MOST_DB, EncodingLoss, encoding_loss, psnr
 from renderer.errors import RenderError
 from renderer.film import (
     Picture,
@@ -25,6 +25,7 @@ from renderer.film import (
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
+from renderer.job.trial_encoding import try_finer_encoding
 from renderer.record import (
     SIDECAR,
     FilmFingerprint,
@@ -144,14 +145,15 @@ class OutputWriter:
         digests = {} if fingerprint is None else {each.file: _digest(each.file) for each in films}
         losses = {} if accuracy is None else {each.file: self._loss(each) for each in films}
         if accuracy is not None and self.spec.file in losses:
-            num_compared = len(self.first_pictures[self.spec.file])
-            accuracy = with_encoding_loss(accuracy, losses[self.spec.file], num_compared)
+            pictures, loss = self.first_pictures[self.spec.file], losses[self.spec.file]
+            finer = try_finer_encoding(self.spec, pictures, loss, accuracy)
+            accuracy = with_encoding_loss(accuracy, loss, len(pictures), finer)
         outputs = tuple(
             OutputRecord(
                 str(each.file),
                 sum(map(each.shows, self.frames)),
                 digests.get(each.file),
-                min(psnr(losses[each.file]), MOST_DB) if each.file in losses else None,
+                min(psnr(losses[each.file].squared_error), MOST_DB) if each.file in losses else None,
             )
             for each in self.spec.others
         )
@@ -167,7 +169,7 @@ class OutputWriter:
         with translate_os_errors(self.sidecar):
             naming_mark(self.spec, self.sidecar).unlink(missing_ok=True)
 
-    def _loss(self, output: OutputFile) -> float:
+    def _loss(self, output: OutputFile) -> EncodingLoss:
         first = [picture.pixels for picture in self.first_pictures[output.file]]
         return encoding_loss(output, sum(map(output.shows, self.frames)), first)
 
