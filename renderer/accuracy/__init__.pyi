@@ -6,7 +6,6 @@ from .decibels import (
     wanted_error as wanted_error,
 )
 from .encoding import (
-    EncodingLoss as EncodingLoss,
     encoding_loss as encoding_loss,
     finer_drawing as finer_drawing,
     finer_encoding as finer_encoding,

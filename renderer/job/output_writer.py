@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-from renderer.accuracy import MOST_DB, EncodingLoss, encoding_loss, psnr
+from renderer.accuracy import MOST_DB, encoding_loss, psnr
 from renderer.errors import RenderError
 from renderer.film import (
     Picture,
@@ -153,7 +153,7 @@ class OutputWriter:
                 str(each.file),
                 sum(map(each.shows, self.frames)),
                 digests.get(each.file),
-                min(psnr(losses[each.file].squared_error), MOST_DB) if each.file in losses else None,
+                min(psnr(losses[each.file]), MOST_DB) if each.file in losses else None,
             )
             for each in self.spec.others
         )
@@ -169,7 +169,7 @@ class OutputWriter:
         with translate_os_errors(self.sidecar):
             naming_mark(self.spec, self.sidecar).unlink(missing_ok=True)
 
-    def _loss(self, output: OutputFile) -> EncodingLoss:
+    def _loss(self, output: OutputFile) -> float:
         first = [picture.pixels for picture in self.first_pictures[output.file]]
         return encoding_loss(output, sum(map(output.shows, self.frames)), first)
 

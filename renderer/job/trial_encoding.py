@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from renderer.accuracy import EncodingLoss, encoding_loss, finer_encoding, squared_error
+from renderer.accuracy import encoding_loss, finer_encoding, squared_error
 from renderer.errors import HsplatError
 from renderer.film import Picture, open_films
 from renderer.record import FilmAccuracy, FinerFile, finer_file
@@ -32,14 +32,17 @@ def film_bytes(film: OutputFile) -> int:
 
 
 def try_finer_encoding(
-    output: OutputFile, pictures: Sequence[Picture], loss: EncodingLoss, accuracy: FilmAccuracy
+    output: OutputFile, pictures: Sequence[Picture], loss: float, accuracy: FilmAccuracy
 ) -> FinerFile | None:
     """Return the record of an encoding that keeps more of a film; None where drawing limits it, or nothing gains.
 
     pictures: the first pictures of the film, which are encoded in both ways. loss: that of the film.
     """
-    keys = finer_encoding(output, loss.color_share)
-    if not keys or loss.squared_error <= squared_error(accuracy.psnr):
+    if loss <= squared_error(accuracy.psnr):
+        return None
+    frames = [picture.pixels for picture in pictures]
+    keys = finer_encoding(output, frames, loss)
+    if not keys:
         return None
     # A trial that fails costs no film: a disk that is full, or an ffmpeg without this pixel format.
     with contextlib.suppress(HsplatError, OSError):
@@ -47,6 +50,6 @@ def try_finer_encoding(
         with trial_film(output, pictures) as film:
             num_bytes = film_bytes(film)
         with trial_film(finer, pictures) as film:
-            kept = encoding_loss(film, len(pictures), [picture.pixels for picture in pictures])
-            return finer_file(accuracy, keys, loss, kept, film_bytes(film) / num_bytes)
+            finer_loss = encoding_loss(film, len(frames), frames)
+            return finer_file(accuracy, keys, (loss, finer_loss), film_bytes(film) / num_bytes)
     return None

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from renderer.accuracy import MOST_DB, EncodingLoss, ErrorSamples, pool_samples, psnr, squared_error
+from renderer.accuracy import MOST_DB, ErrorSamples, pool_samples, psnr, squared_error
 from renderer.record.film_record import (
     FileAccuracy,
     FilmAccuracy,
@@ -52,33 +52,33 @@ def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
     )
 
 
-def with_encoding_loss(
-    accuracy: FilmAccuracy, loss: EncodingLoss, num_frames: int, finer: FinerFile | None
-) -> FilmAccuracy:
+def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int, finer: FinerFile | None) -> FilmAccuracy:
     """Return the accuracy of a film together with the accuracy of its file.
 
-    loss: the loss of the first frames, `num_frames` of them. finer: another encoding.
+    loss: the mean squared error between the frames as they were drawn and as they are decoded, in [0, 1].
+    num_frames: the number of frames compared. finer: another encoding.
     """
-    kept = min(psnr(loss.squared_error), MOST_DB)
+    kept = min(psnr(loss), MOST_DB)
     return replace(accuracy, file=FileAccuracy(_file_psnr(accuracy, loss), kept, num_frames, finer))
 
 
 def finer_file(
-    accuracy: FilmAccuracy, keys: Mapping[str, Any], loss: EncodingLoss, finer: EncodingLoss, bytes_ratio: float
+    accuracy: FilmAccuracy, keys: Mapping[str, Any], losses: tuple[float, float], bytes_ratio: float
 ) -> FinerFile | None:
     """Return the record of an encoding with other keys; None where it gains little.
 
-    loss, finer: the losses of the film and of the other encoding.
+    losses: of the film, and of the other encoding.
     """
-    gained = _file_psnr(accuracy, finer)
+    loss, finer_loss = losses
+    gained = _file_psnr(accuracy, finer_loss)
     if gained < _file_psnr(accuracy, loss) + _LEAST_GAIN_DB:
         return None
     return FinerFile(keys, round_decibels(gained), round_ratio(bytes_ratio))
 
 
-def _file_psnr(accuracy: FilmAccuracy, loss: EncodingLoss) -> float:
+def _file_psnr(accuracy: FilmAccuracy, loss: float) -> float:
     """Return the PSNR of a file: its loss is added to the error of drawing, as the two are independent."""
-    return min(psnr(loss.squared_error + squared_error(accuracy.psnr)), MOST_DB)
+    return min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
 
 
 def accuracy_text(accuracy: FilmAccuracy) -> str:
