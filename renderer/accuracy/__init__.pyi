@@ -7,6 +7,8 @@ from .decibels import (
 )
 from .encoding import (
     encoding_loss as encoding_loss,
+    finer_drawing as finer_drawing,
+    finer_encoding as finer_encoding,
     finer_than_kept as finer_than_kept,
     typical_kept_psnr as typical_kept_psnr,
     typical_psnr as typical_psnr,

@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from renderer.accuracy import NOTHING, Glance, finer_than_kept, look_ahead
+from renderer.accuracy import NOTHING, Glance, look_ahead
 from renderer.annotation import annotation_notes, require_annotation
 from renderer.errors import RenderError
 from renderer.film import film_notes, require_encoder
@@ -37,6 +37,7 @@ from renderer.record import (
     device_notes,
     film_fingerprint,
     find_finished_film,
+    limit_notes,
     make_film_record,
     shortfall_notes,
     summary_parts,
@@ -280,14 +281,11 @@ class FilmInProgress:
         is_lasting = record.schedule.reproducible or isinstance(requested.goal, TimeBudget)
         fingerprint = self.fingerprint if is_lasting and not plan.is_unfinished else None
         record = self.output.write_record(record, fingerprint)
-        made = record.accuracy
-        advice = finer_than_kept(made.interval[0], made.file.psnr_of_encoding) if made and made.file else None
-        if advice is not None:
-            self.events.note(advice)
+        for note in limit_notes(scene, record):
+            self.events.note(note)
         summary = ", ".join(summary_parts(scene, record, num_resumed))
-        note = self.stage.layers[0].volume.note
-        film = FinishedFilm(self.output.sidecar, record)
-        return JobResult(film, self.output.spec.file, summary, note, shortfall, self.glances)
+        film, of_volume = FinishedFilm(self.output.sidecar, record), self.stage.layers[0].volume.note
+        return JobResult(film, self.output.spec.file, summary, of_volume, shortfall, self.glances)
 
     def _notes(self) -> Iterator[str]:
         """Yield notes for the user on the output, the annotation, the pictures and the drawing."""

@@ -25,6 +25,7 @@ from renderer.film import (
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
+from renderer.job.trial_encoding import try_finer_encoding
 from renderer.record import (
     SIDECAR,
     FilmFingerprint,
@@ -146,8 +147,9 @@ class OutputWriter:
         digests = {} if fingerprint is None else {each.file: _digest(each.file) for each in films}
         losses = {} if accuracy is None else {each.file: self._loss(each) for each in films}
         if accuracy is not None and self.spec.file in losses:
-            num_compared = len(self.first_pictures[self.spec.file])
-            accuracy = with_encoding_loss(accuracy, losses[self.spec.file], num_compared)
+            pictures, loss = self.first_pictures[self.spec.file], losses[self.spec.file]
+            finer = try_finer_encoding(self.spec, pictures, loss, accuracy)
+            accuracy = with_encoding_loss(accuracy, loss, len(pictures), finer)
         outputs = tuple(
             OutputRecord(
                 str(each.file),

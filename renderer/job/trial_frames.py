@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.film import Picture, open_films
+from renderer.film import Picture
 from renderer.frame import FilmStage, LODCostEstimator, Stopwatch
 from renderer.job.events import JobEvents
 from renderer.job.executor import FINISHING_STEPS, DrawnFrame, Executor
 from renderer.job.forecast import Forecast
 from renderer.job.plan import make_plan
+from renderer.job.trial_encoding import film_bytes, trial_film
 from renderer.layers import frames_of_new_layers
 from renderer.record import FrameRecord
 from renderer.scene import FilmScene, OutputFile
@@ -133,10 +133,5 @@ def film_cost(output: OutputFile, pictures: Sequence[Picture], frames: Sequence[
 def _encode(output: OutputFile, pictures: Sequence[Picture]) -> tuple[float, float]:
     """Write a film of these pictures to a temporary folder, and return the seconds and the bytes that it takes."""
     start = time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
-        film = replace(output, file=Path(folder) / output.file.name, every=1, frame=None)
-        with open_films([film], [film.kind]) as write:
-            for number, picture in enumerate(pictures):
-                write(number, {0: picture})
-        seconds = time.perf_counter() - start
-        return seconds, float(sum(file.stat().st_size for file in Path(folder).iterdir()))
+    with trial_film(output, pictures) as film:
+        return time.perf_counter() - start, float(film_bytes(film))

@@ -2,10 +2,12 @@ from . import field_types as field_types
 from .accuracy_records import (
     accuracy_text as accuracy_text,
     film_accuracy as film_accuracy,
+    finer_file as finer_file,
     frame_accuracy as frame_accuracy,
     with_encoding_loss as with_encoding_loss,
 )
 from .citation import bibtex as bibtex, methods_text as methods_text
+from .file_limits import limit_notes as limit_notes
 from .film_record import (
     BrickMemoryRecord as BrickMemoryRecord,
     DifferenceRecord as DifferenceRecord,
@@ -13,6 +15,7 @@ from .film_record import (
     FilmFingerprint as FilmFingerprint,
     FilmRecord as FilmRecord,
     FilmVisibility as FilmVisibility,
+    FinerFile as FinerFile,
     FrameRecord as FrameRecord,
     MeasuredRecord as MeasuredRecord,
     OutputRecord as OutputRecord,
@@ -72,3 +75,7 @@ from .visibility_records import (
     range_record as range_record,
     visibility_text as visibility_text,
 )
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .film_record import WorstFrame as WorstFrame

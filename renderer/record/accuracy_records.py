@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from renderer.accuracy import MOST_DB, ErrorSamples, pool_samples, psnr, squared_error
-from renderer.record.film_record import FileAccuracy, FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
+from renderer.record.film_record import (
+    FileAccuracy,
+    FilmAccuracy,
+    FinerFile,
+    FrameAccuracy,
+    FrameRecord,
+    Range,
+    WorstFrame,
+)
+from renderer.record.rounding import round_decibels, round_ratio
 
 if TYPE_CHECKING:
     from renderer.accuracy import Probe
 
+# The least gain of another encoding that is recorded, in decibels: less is not worth a change.
+_LEAST_GAIN_DB = 1.0
 _METHOD = "stratified by the differences between neighbouring pixels"
 
 
@@ -41,14 +52,33 @@ def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
     )
 
 
-def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int) -> FilmAccuracy:
+def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int, finer: FinerFile | None) -> FilmAccuracy:
     """Return the accuracy of a film together with the accuracy of its file.
 
-    loss: the mean squared error between the frames as they were drawn and as they are decoded, in [0, 1]. It is added
-        to the error of the drawing, as the two are independent.
+    loss: the mean squared error between the frames as they were drawn and as they are decoded, in [0, 1].
+    num_frames: the number of frames compared. finer: another encoding.
     """
-    both = min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
-    return replace(accuracy, file=FileAccuracy(both, min(psnr(loss), MOST_DB), num_frames))
+    kept = min(psnr(loss), MOST_DB)
+    return replace(accuracy, file=FileAccuracy(_file_psnr(accuracy, loss), kept, num_frames, finer))
+
+
+def finer_file(
+    accuracy: FilmAccuracy, keys: Mapping[str, Any], losses: tuple[float, float], bytes_ratio: float
+) -> FinerFile | None:
+    """Return the record of an encoding with other keys; None where it gains little.
+
+    losses: of the film, and of the other encoding.
+    """
+    loss, finer_loss = losses
+    gained = _file_psnr(accuracy, finer_loss)
+    if gained < _file_psnr(accuracy, loss) + _LEAST_GAIN_DB:
+        return None
+    return FinerFile(keys, round_decibels(gained), round_ratio(bytes_ratio))
+
+
+def _file_psnr(accuracy: FilmAccuracy, loss: float) -> float:
+    """Return the PSNR of a file: its loss is added to the error of drawing, as the two are independent."""
+    return min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
 
 
 def accuracy_text(accuracy: FilmAccuracy) -> str:
@@ -69,7 +99,7 @@ def file_accuracy_text(accuracy: FilmAccuracy, psnr_of_encoding: float | None = 
 
 
 def _decibels_text(accuracy: FilmAccuracy, loss: float = 0.0) -> str:
-    """Return the PSNR with its interval; `loss` as in `with_encoding_loss`."""
+    """Return the PSNR with its interval. loss: the mean squared error of encoding, which is added."""
     errors = [squared_error(each) + loss for each in (accuracy.psnr, *accuracy.interval)]
     value, low, high = (min(psnr(each), MOST_DB) for each in errors)
     if value >= MOST_DB:

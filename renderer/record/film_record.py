@@ -162,12 +162,22 @@ class WorstFrame:
 
 
 @dataclass(frozen=True)
+class FinerFile:
+    """A record of another encoding that keeps more of a film: the compared frames were encoded in both ways."""
+
+    keys: Annotated[Mapping[str, Any], types.DATA, "The keys of the output that differ."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels, of the decoded film against the exact pictures."]
+    bytes_ratio: Annotated[float, types.AMOUNT, "The bytes of the file by those of the film."]
+
+
+@dataclass(frozen=True)
 class FileAccuracy:
     """A record of the accuracy that is left after encoding."""
 
     psnr: Annotated[float, types.DECIBELS, "In decibels, of the decoded film against the exact pictures."]
     psnr_of_encoding: Annotated[float, types.DECIBELS, "The same compared with the frames as they were drawn."]
     frames: Annotated[int, types.COUNT, "The number of frames compared, from the first on."]
+    finer: Annotated[FinerFile | None, "Another encoding, where the encoder loses more than drawing does."] = None
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,15 @@ from __future__ import annotations
 _PLACES_OF_SHARES = 6
 # The number of decimal places of a PSNR, in decibels.
 _PLACES_OF_DECIBELS = 2
+# The number of decimal places of a ratio of costs.
+_PLACES_OF_RATIOS = 2
 # The number of decimal places of a time, in seconds.
 _PLACES_OF_SECONDS = 3
+
+
+def round_ratio(ratio: float) -> float:
+    """Return a ratio of costs, rounded as in records."""
+    return round(ratio, _PLACES_OF_RATIOS)
 
 
 def round_share(share: float) -> float:
