@@ -12,6 +12,7 @@ premultiplied RGBA without a background. Each footprint, splats or bricks, has i
 - `splats/splat_rasterizer.py`: the rasteriser. `splats/shaders/project.glsl` projects a splat to an ellipse, and clips
   it at the near plane (Zwicker et al. 2001).
 - `splats/programs.py`: loads shaders.
+- `splats/samples.py`: divides pictures into tiles, and averages the samples of a pixel.
 - `splats/compositing.py`: divides splats into chunks that are added up in float64.
 - `splats/recovery.py`: makes another OpenGL context when a context is lost.
 

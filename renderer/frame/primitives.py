@@ -29,8 +29,8 @@ from renderer.bricks import (
 from renderer.draw import Lines, make_edges, make_outline
 from renderer.frame.stage import Stage, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
-from renderer.scene import MIN_TOLERANCE
-from renderer.splats import SplatBatch, make_splats
+from renderer.scene import MAX_LEVEL, MIN_TOLERANCE
+from renderer.splats import SplatBatch, make_splats, samples_across_at
 from renderer.view import View, blended_orders, model_view, total_square_area_px, visible_bricks, visible_order
 from renderer.volume import UInt32
 
@@ -118,9 +118,10 @@ class SplatLOD(LOD):
     batches: Sequence[SplatBatch]
 
     def num_pixels(self, orders: Orders, view: View) -> float:
-        """Return the pixels of the squares around footprints, in all orders."""
+        """Return the samples in the squares around footprints, in all orders."""
         batch = self.batches[0]
-        return len(orders) * total_square_area_px(batch, orders[0][1][0], model_view(batch, view))
+        camera = model_view(batch, view.magnified(batch.samples_across))
+        return len(orders) * total_square_area_px(batch, orders[0][1][0], camera)
 
 
 @dataclass(frozen=True)
@@ -237,7 +238,9 @@ class SplatPrimitive(Primitive):
     def _prepare(self, tolerance: float, lap: Lap) -> tuple[Sequence[Cut], Sequence[SplatBatch], OrderFinder]:
         cut, splat, blending = self._cut(tolerance), self._stage.scene.splat, self._stage.order_blending
         lap("cut")
-        batch, cells = make_splats(cut, splat), cut if splat.order == "boxes" else None
+        cell_px = self._stage.resolutions[0].voxel_px * 2.0 ** int(cut.levels.min(initial=MAX_LEVEL))
+        across = samples_across_at(tolerance, cell_px, splat)
+        batch, cells = make_splats(cut, splat, samples_across=across), cut if splat.order == "boxes" else None
 
         def orders(view: View) -> Orders:
             if splat.order == "depth":

@@ -75,7 +75,7 @@ class SimulatedMachine(WithoutUploads):
         if isinstance(batch, BrickBatch):
             num_pixels = num_samples(batch, order, view)
         else:
-            num_pixels = total_square_area_px(batch, order, model_view(batch, view))
+            num_pixels = total_square_area_px(batch, order, model_view(batch, view.magnified(batch.samples_across)))
         per_frame, per_splat, per_pixel = self._rates
         return per_frame + per_splat * len(order) + per_pixel * num_pixels
 

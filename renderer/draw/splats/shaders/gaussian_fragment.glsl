@@ -4,6 +4,7 @@ uniform float cutoff;
 uniform float decay;
 uniform vec3 coefficients;
 uniform float rim;
+uniform vec2 corner_px;          // as in project.glsl
 
 flat in vec2 splat_px;
 flat in vec3 splat_inverse;
@@ -11,7 +12,7 @@ flat in vec4 splat_color_depth;
 out vec4 color;
 
 void main() {
-    vec2 offset = gl_FragCoord.xy - splat_px;
+    vec2 offset = gl_FragCoord.xy + corner_px - splat_px;
     vec2 deviations = vec2(splat_inverse.x * offset.x, splat_inverse.y * offset.x + splat_inverse.z * offset.y);
     float square = dot(deviations, deviations);
     if (square > cutoff * cutoff) discard;

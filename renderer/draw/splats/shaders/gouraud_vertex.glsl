@@ -15,5 +15,5 @@ void main() {
     vec2 offset_px = vec2(root.x * mesh_vertex.x, root.y * mesh_vertex.x + root.z * mesh_vertex.y);
     float alpha = opacity_of_depth(footprint.unit_depth * mesh_weight);
     vertex_color = vec4(areas.rgb / areas.w * alpha, alpha);
-    gl_Position = vec4(2.0 * (footprint.center_px + offset_px) / size_px - 1.0, 0.0, 1.0);
+    gl_Position = vec4(2.0 * (footprint.center_px - corner_px + offset_px) / tile_px - 1.0, 0.0, 1.0);
 }

@@ -10,7 +10,9 @@ uniform mat3 view_rotation;      // model to (right, up, depth)
 uniform vec3 view_translation;
 uniform bool perspective;
 uniform float scale_px;          // focal length, or pixels per model unit
-uniform vec2 size_px;
+uniform vec2 size_px;            // of the picture
+uniform vec2 tile_px;            // size of a tile
+uniform vec2 corner_px;          // first column and row of the tile
 uniform float near_beyond_origin; // depth of the near plane behind the model's origin
 uniform vec2 slope_limit;
 uniform float min_sigma_px;      // smallest standard deviation of a footprint
@@ -25,7 +27,7 @@ in vec4 areas;
 in float shape;
 
 struct Footprint {
-    vec2 center_px;
+    vec2 center_px;      // in the picture
     vec3 root;           // xx, yx, yy of the lower triangular root (Cholesky) of the covariance, pixels, after widening
     float unit_depth;    // optical depth at the footprint's weight 1
     bool visible;
