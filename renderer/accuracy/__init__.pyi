@@ -15,6 +15,12 @@ from .estimate import (
     ErrorSamples as ErrorSamples,
     pool_samples as pool_samples,
 )
+from .flicker import (
+    Flicker as Flicker,
+    PictureErrors as PictureErrors,
+    measure_flicker as measure_flicker,
+    pool_flickers as pool_flickers,
+)
 from .glance import (
     NOTHING as NOTHING,
     NOTHING_VISIBLE as NOTHING_VISIBLE,
@@ -60,6 +66,7 @@ from .truths import (
     is_loop as is_loop,
     sample_truths as sample_truths,
     spread_evenly as spread_evenly,
+    with_a_neighbour as with_a_neighbour,
 )
 from .visibility import ScalarRange as ScalarRange, scalar_ranges as scalar_ranges
 
