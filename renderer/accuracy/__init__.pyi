@@ -16,6 +16,7 @@ from .estimate import (
     pool_samples as pool_samples,
 )
 from .flicker import (
+    LEVELS as LEVELS,
     Flicker as Flicker,
     PictureErrors as PictureErrors,
     measure_flicker as measure_flicker,
@@ -56,6 +57,11 @@ from .search import (
     Trial as Trial,
     find_tolerances as find_tolerances,
 )
+from .shared_probes import (
+    SharedErrors as SharedErrors,
+    error_products as error_products,
+    estimate_flicker as estimate_flicker,
+)
 from .tolerances import spread_tolerances as spread_tolerances
 from .truths import (
     NUM_SAMPLED_PIXELS as NUM_SAMPLED_PIXELS,
@@ -78,6 +84,7 @@ from .metrics import (
     sampled_accuracy as sampled_accuracy,
 )
 from .pixels import choose_pixels as choose_pixels
+from .shared_probes import first_of_pair as first_of_pair, shared_pixels as shared_pixels
 from .tolerances import (
     distinct_tolerances as distinct_tolerances,
     tolerance_ladder as tolerance_ladder,

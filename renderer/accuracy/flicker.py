@@ -36,11 +36,11 @@ class PictureErrors:
 
 @dataclass(frozen=True)
 class Flicker:
-    """The change of errors from one frame to the next, over the pixels in which either truth shows the volume.
+    """The change of errors from one frame to the next.
 
-    rms: over pixels and channels, free of the errors of the truths on average. Other changes are those of the channel
-    that changes most, and have the errors of the truths. p99, largest: of pixels. block_p99, block_largest: of the mean
-    errors of blocks of pixels that show any of the volume.
+    rms: over all pixels and channels, free of the errors of the truths on average. Other changes are those of the
+    channel that changes most, where either truth shows the volume, and have the errors of the truths. p99, largest: of
+    pixels. block_p99, block_largest: of the mean errors of blocks of pixels that show any of the volume.
     """
 
     rms: float
@@ -56,7 +56,7 @@ def measure_flicker(before: PictureErrors, after: PictureErrors) -> Flicker | No
     if after.frame != before.frame + 1 or not seen.any():
         return None
     change = LEVELS * (after.errors - before.errors)
-    squares = change[seen] ** 2 - LEVELS**2 * (before.variances + after.variances)[seen]
+    squares = change**2 - LEVELS**2 * (before.variances + after.variances)
     pixels = np.abs(change).max(axis=2)[seen]
     blocks = np.abs(_block_sums(change) / _block_sums(np.ones_like(change))).max(axis=2)
     blocks = blocks[_block_sums(seen[..., None].astype(np.float64))[..., 0] > 0]
