@@ -16,7 +16,15 @@ from hsplat_cli.measure import costs
 from hsplat_cli.measure.pareto import Cost
 from hsplat_cli.measure.plots import has_intervals, study_charts
 from hsplat_cli.measure.sweep import Measurement, Study
-from hsplat_cli.measure.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
+from hsplat_cli.measure.tables import (
+    Column,
+    cost_columns,
+    csv_text,
+    flicker_columns,
+    json_text,
+    metric_columns,
+    to_plain,
+)
 from hsplat_cli.measure.thumbnails import DIFFERENCE_GAIN, thumbnail
 from hsplat_cli.reports import ABSENT, count_text, format_facts, ms_text, render_page
 from renderer.accuracy import Truth
@@ -28,6 +36,9 @@ PAGE_FILE = "index.html"
 REPORT_FILES = ("measure.csv", "measure.json", PAGE_FILE)
 # The metrics of the table, in its order.
 _METRICS = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")
+
+# The numbers of the flicker in the table.
+_FLICKERS = ("p99", "largest", "block_p99", "block_largest", "rms")
 
 
 def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
@@ -70,6 +81,7 @@ def study_page(study: Study, *, date: str) -> str:
         is_estimate=has_intervals(measurements),
         everywhere_columns=metric_columns(measurements, _METRICS, "everywhere"),
         on_volume_columns=metric_columns(measurements, _METRICS, "on_volume"),
+        flicker_columns=flicker_columns(measurements, _FLICKERS),
         step_columns=_step_columns(measurements),
         scene=yaml.safe_dump(to_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
     )

@@ -32,12 +32,14 @@ from renderer.accuracy import (
     require_measuring_packages,
     sample_truths,
     spread_evenly,
+    with_a_neighbour,
 )
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import locked_files, require_writable_dry_run
 from renderer.frame import FilmStage, read_film_volumes
 from renderer.scene import (
+    CameraPath,
     FilmScene,
     Motion,
     Scene,
@@ -103,7 +105,7 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
     volumes = read_film_volumes(scene).first
     volume = volumes[0]
     camera = scene.at(0).camera
-    frames = request.frames or spread_evenly(range(camera.num_frames), _NUM_FRAMES, is_loop=is_loop(camera.path))
+    frames = request.frames or _frames(camera.path, camera.num_frames, is_quick=request.is_quick)
     sweep = request.sweep
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
@@ -146,6 +148,12 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
         _report(study, request.folder, reporter)
     if end:
         raise end
+
+
+def _frames(path: CameraPath, num_frames: int, *, is_quick: bool) -> list[int]:
+    """Return the frames that are measured by default; whole truths tell flicker, too, for which two are neighbours."""
+    frames = spread_evenly(range(num_frames), _NUM_FRAMES, is_loop=is_loop(path))
+    return frames if is_quick else with_a_neighbour(frames, num_frames)
 
 
 def _require_all(request: StudyRequest) -> None:

@@ -18,7 +18,18 @@ import numpy as np
 
 from hsplat_cli.measure.thumbnails import amplified_difference, thumbnail
 from hsplat_cli.terminal import Machine
-from renderer.accuracy import Accuracy, FloatImage, SampledTruth, Truth, pool_accuracies, spread_tolerances
+from renderer.accuracy import (
+    Accuracy,
+    Flicker,
+    FloatImage,
+    PictureErrors,
+    SampledTruth,
+    Truth,
+    measure_flicker,
+    pool_accuracies,
+    pool_flickers,
+    spread_tolerances,
+)
 from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import Clock, FilmStage, make_primitive, render_frames
@@ -71,12 +82,14 @@ class FrameMeasurement:
 
     num_primitives: number of splats or bricks that the frame can show.
     seconds: for each step, the seconds of each warm repetition.
+    flicker: the change of errors from the frame before on the path; None unless both have whole truths.
     """
 
     frame: int
     num_primitives: int
     seconds: Mapping[str, tuple[float, ...]]
     accuracy: Accuracy
+    flicker: Flicker | None = None
 
     @property
     def frame_seconds(self) -> tuple[float, ...]:
@@ -95,6 +108,7 @@ class Measurement:
     peak_bytes: the peak memory of the process; None if the system does not know it.
     picture, difference: uint8 [h, w, 3], thumbnails of the first frame and of its difference from the truth, times
         DIFFERENCE_GAIN; the difference is None if the truth has only some pixels.
+    flicker: over all pairs of neighbouring frames; None without any.
     """
 
     setting: Setting
@@ -106,6 +120,7 @@ class Measurement:
     peak_bytes: int | None
     picture: UInt8
     difference: UInt8 | None
+    flicker: Flicker | None = None
 
     @property
     def frame_seconds(self) -> float:
@@ -154,12 +169,16 @@ def measure_setting(
     nums_primitives: list[int] = []
     first_pass: list[Seconds] = []
     thumbnails: list[tuple[UInt8, UInt8 | None]] = []
+    flickers: list[Flicker | None] = []
+    errors: PictureErrors | None = None
     memory = PeakMemory()
     for number, frame in enumerate(render_frames(stage, numbers, rasterizer, clock=clock)):
         truth = truths[number]
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
         picture = over_background(frame.radiance, frame.stage.scene.background)
         accuracies.append(truth.accuracy_of(picture))
+        before, errors = errors, truth.errors_of(picture) if isinstance(truth, Truth) else None
+        flickers.append(measure_flicker(before, errors) if before is not None and errors is not None else None)
         thumbnails += [] if thumbnails else [_thumbnails(picture, truth)]
         nums_primitives.append(frame.num_primitives)
         first_pass.append(frame.seconds)
@@ -171,11 +190,12 @@ def measure_setting(
         num_cells=frame.num_cells,
         pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STEPS),
-        frames=tuple(map(FrameMeasurement, numbers, nums_primitives, times, accuracies)),
+        frames=tuple(map(FrameMeasurement, numbers, nums_primitives, times, accuracies, flickers)),
         overall=pool_accuracies(accuracies),
         peak_bytes=max(peaks, default=None),
         picture=thumbnails[0][0],
         difference=thumbnails[0][1],
+        flicker=pool_flickers([each for each in flickers if each is not None]),
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from hsplat_cli.measure.costs import cost_in_splats, group_by_series, has_bricks, has_splats, on_pareto_fronts
 from hsplat_cli.measure.sweep import FrameMeasurement, Measurement, Study
-from hsplat_cli.reports import bytes_text, metric_text, ms_text, short_count_text
+from hsplat_cli.reports import ABSENT, bytes_text, metric_text, ms_text, short_count_text
 from hsplat_cli.terminal import format_table
 from renderer.accuracy import METRICS, Accuracy, Truth
 from renderer.system import join_lines
@@ -28,6 +28,16 @@ FORMAT = 1
 
 # Headings of two lines, for metrics whose labels are too long.
 _HEADINGS = {"max_error": ("largest", ""), "flip_p99": ("FLIP", "99 %"), "delta_e_share": ("Delta-E", "> 2.3")}
+
+
+# Titles of the numbers of a flicker, of pixels and of blocks of 8 x 8.
+_FLICKERS = {
+    "rms": "RMS",
+    "p99": "flicker 99 %",
+    "largest": "largest",
+    "block_p99": "blocks 99 %",
+    "block_largest": "blocks' largest",
+}
 
 
 @dataclass(frozen=True)
@@ -75,6 +85,21 @@ def metric_columns(measurements: Sequence[Measurement], names: Sequence[str], pi
         if measurements and all(f"{name}_low" in getattr(m.overall, pixels) for m in measurements):
             columns.append(_interval_column(name, pixels))
     return columns
+
+
+def flicker_columns(measurements: Sequence[Measurement], names: Sequence[str]) -> list[Column]:
+    """Return the columns of some numbers of the flicker, in levels of 8 bits; none where no setting has any."""
+    if all(m.flicker is None for m in measurements):
+        return []
+    return [_number(_FLICKERS[name], "levels", partial(_flicker, name), _levels_text) for name in names]
+
+
+def _flicker(name: str, measurement: Measurement) -> float:
+    return math.nan if measurement.flicker is None else float(getattr(measurement.flicker, name))
+
+
+def _levels_text(levels: float) -> str:
+    return ABSENT if math.isnan(levels) else f"{levels:.1f}"
 
 
 def _interval_column(name: str, pixels: str) -> Column:
@@ -129,7 +154,7 @@ def _terminal_columns(measurements: Sequence[Measurement]) -> list[Column]:
     on_volume = [replace(each, title="volume") for each in metric_columns(measurements, ["psnr"], "on_volume")]
     others = ("ssim", "flip", "delta_e_share") if on_volume else ("rmse",)
     psnr, metrics = (metric_columns(measurements, names, "everywhere") for names in (("psnr",), others))
-    return [*costs, *psnr, *on_volume, *metrics, memory]
+    return [*costs, *psnr, *on_volume, *metrics, *flicker_columns(measurements, ["p99"]), memory]
 
 
 def csv_text(study: Study) -> str:
@@ -139,7 +164,8 @@ def csv_text(study: Study) -> str:
     `frame_STEP_ms_*` of each step, `once_STEP_ms_*` of steps that run once for all frames, `pyramid_ms` of the pyramid,
     timed once. Metrics cover all pixels, `volume_*` only the pixels in which the volume is visible; `*_low` and
     `*_high` are the ends of the interval of an estimate. Numbers are exact, with `nan` and `inf`; absent values are
-    empty. `on_*_front` belongs to the measurement, over all its frames.
+    empty. `flicker_*` is the change of errors from the frame
+    before, in levels of 8 bits. `on_*_front` belongs to the measurement, over all its frames.
     """
     options = dict.fromkeys((name for m in study.measurements for name in m.setting.options), "")
     on_fronts = on_pareto_fronts(study.measurements)
@@ -165,6 +191,7 @@ def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, 
         "peak_bytes": measurement.peak_bytes,
     }
     row |= _accuracy_row(sample.accuracy) | _times_row("frame", sample.frame_seconds)
+    row |= {} if sample.flicker is None else {f"flicker_{name}": each for name, each in asdict(sample.flicker).items()}
     for step, seconds in sample.seconds.items():
         row |= _times_row(f"frame_{step}", seconds)
     for step, seconds in measurement.seconds.items():

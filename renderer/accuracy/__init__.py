@@ -9,6 +9,7 @@ wanted accuracy does not depend on it.
 - `visibility.py`: the ranges of scalars whose share of the picture is recorded; `glance.py`: the faults of the pictures
   of a film before it is drawn.
 - `truths.py`: the exact picture of a frame, or of some of its pixels; `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E.
+- `flicker.py`: how much errors change from frame to frame; `shared_probes.py`: the same by probes.
 - `search.py`: the coarsest tolerances for a wanted accuracy; `tolerances.py`: those that are worth trying;
   `references.py`: what their pictures are compared with.
 - `encoding.py`: what the encoder of a film loses.

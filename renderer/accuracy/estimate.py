@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ _UNSEEN, _UNSEEN_OF_FEW = 2.0, 128.0
 # That sample at the least: an error of half a level of 8 bits.
 _LEAST_UNSEEN = (0.5 / 255) ** 2
 # Of the normal distribution, for 95 %.
-_DEVIATIONS = 1.96
+DEVIATIONS = 1.96
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,20 @@ class ErrorSamples:
     @property
     def interval(self) -> tuple[float, float]:
         """Return the mean squared errors between which the true one lies in 95 % of cases, or more."""
-        seen, times = max(self.mean, 0.0), _UNSEEN + _UNSEEN_OF_FEW / self.num
-        unseen = max(times * self.largest, _LEAST_UNSEEN)
-        mean = (self.num * seen + unseen) / (self.num + 1)
-        variance = (self.num * (self.variance + (seen - mean) ** 2) + (unseen - mean) ** 2) / (self.num + 1)
-        low = self.mean - _DEVIATIONS * self.deviation
-        return max(low, 0.0), mean + _DEVIATIONS * math.sqrt(variance / self.num)
+        missed = replace(self, mean=max(self.mean, 0.0)).with_missed(self.largest)
+        low = self.mean - DEVIATIONS * self.deviation
+        return max(low, 0.0), missed.mean + DEVIATIONS * missed.deviation
+
+    def with_missed(self, largest: float) -> ErrorSamples:
+        """Return these samples, as many as before, with the one that they may have missed.
+
+        largest: the largest sample that is known, below 0 for one that takes away from the mean.
+        """
+        unseen = (_UNSEEN + _UNSEEN_OF_FEW / self.num) * largest
+        unseen = math.copysign(max(abs(unseen), _LEAST_UNSEEN), unseen)
+        mean = (self.num * self.mean + unseen) / (self.num + 1)
+        variance = (self.num * (self.variance + (self.mean - mean) ** 2) + (unseen - mean) ** 2) / (self.num + 1)
+        return replace(self, mean=mean, variance=variance)
 
 
 def error_samples(values: Float64) -> ErrorSamples:

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from renderer.accuracy.decibels import psnr
+from renderer.accuracy.flicker import PictureErrors
 from renderer.accuracy.metrics import Accuracy, FloatImage, measure_accuracy, sampled_accuracy
 from renderer.accuracy.prober import ExactPixels, FrameProber
 from renderer.draw import Rasterizer
@@ -66,6 +67,10 @@ class Truth:
         """Compare a picture over the background, float64 [h, w, 3], with the truth."""
         return measure_accuracy(picture, self.means, self.on_volume)
 
+    def errors_of(self, picture: FloatImage) -> PictureErrors:
+        """Return the errors of a picture over the background, float64 [h, w, 3]."""
+        return PictureErrors(self.frame, picture - self.means.colors, self.means.variances, self.on_volume)
+
 
 @dataclass(frozen=True)
 class SampledTruth:
@@ -117,6 +122,16 @@ def sample_truths(
 def is_loop(path: CameraPath) -> bool:
     """Return whether the last frame of a path leads back to the first."""
     return not isinstance(path, KeyframePath) or path.loop
+
+
+def with_a_neighbour(frames: Sequence[int], num_frames: int) -> list[int]:
+    """Return spread frames of a path of `num_frames`, with the one after a middle frame unless two are neighbours.
+
+    Their errors tell flicker. The first frame often looks along an axis of the volume, as few others do.
+    """
+    middle = frames[len(frames) // 2]
+    has_neighbours = any(frame + 1 in frames for frame in frames)
+    return [*frames] if has_neighbours or middle + 1 >= num_frames else sorted({*frames, middle + 1})
 
 
 def spread_evenly(items: Sequence[T], num: int, *, is_loop: bool) -> list[T]:

@@ -3,6 +3,7 @@ from .accuracy_records import (
     accuracy_text as accuracy_text,
     film_accuracy as film_accuracy,
     finer_file as finer_file,
+    flicker_text as flicker_text,
     frame_accuracy as frame_accuracy,
     with_encoding_loss as with_encoding_loss,
 )
@@ -78,4 +79,8 @@ from .visibility_records import (
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .film_record import WorstFrame as WorstFrame
+from .film_record import (
+    FrameAccuracy as FrameAccuracy,
+    SharedProbes as SharedProbes,
+    WorstFrame as WorstFrame,
+)

@@ -4,16 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from renderer.accuracy import MOST_DB, ErrorSamples, pool_samples, psnr, squared_error
+from renderer.accuracy import (
+    LEVELS,
+    MOST_DB,
+    ErrorSamples,
+    SharedErrors,
+    error_products,
+    estimate_flicker,
+    pool_samples,
+    psnr,
+    squared_error,
+)
 from renderer.record.film_record import (
     FileAccuracy,
     FilmAccuracy,
     FinerFile,
+    FlickerRecord,
     FrameAccuracy,
     FrameRecord,
     Range,
+    SharedProbes,
     WorstFrame,
 )
 from renderer.record.rounding import round_decibels, round_ratio
@@ -23,14 +36,20 @@ if TYPE_CHECKING:
 
 # The least gain of another encoding that is recorded, in decibels: less is not worth a change.
 _LEAST_GAIN_DB = 1.0
+# The number of decimal places of an error, in levels of 8 bits.
+_PLACES_OF_LEVELS = 3
 _METHOD = "stratified by the differences between neighbouring pixels"
 
 
 def frame_accuracy(probe: Probe) -> FrameAccuracy:
     """Return the record of the accuracy of a frame that rays have measured."""
-    samples = probe.samples
-    largest = samples.largest
-    return FrameAccuracy(*_decibels(samples), samples.num, samples.variance, largest, probe.largest_error, samples.mean)
+    samples, shared, largest = probe.samples, None, probe.samples.largest
+    if probe.shared is not None:
+        errors = tuple(round(LEVELS * error, _PLACES_OF_LEVELS) for error in probe.shared.errors)
+        shared = SharedProbes(probe.shared.first, errors)
+    return FrameAccuracy(
+        *_decibels(samples), samples.num, samples.variance, largest, probe.largest_error, samples.mean, shared
+    )
 
 
 def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
@@ -49,7 +68,36 @@ def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
         max(accuracy.largest_error for _, accuracy in measured),
         _METHOD,
         seed=0,
+        flicker=_flicker(pooled, [accuracy.shared for _, accuracy in measured if accuracy.shared is not None]),
     )
+
+
+def _flicker(errors: ErrorSamples, frames: Sequence[SharedProbes]) -> FlickerRecord | None:
+    """Return the record of flicker; None without two frames that share probes.
+
+    errors: samples of the squared error of all frames. frames: that share probes.
+    """
+    pairs = [
+        error_products(_shared_errors(one), _shared_errors(other))
+        for one, other in pairwise(frames)
+        if one.first == other.first and len(one.errors) == len(other.errors)
+    ]
+    products = [each for each in pairs if each is not None]
+    if not products:
+        return None
+    pooled = pool_samples(products)
+    rms, (low, high) = estimate_flicker(errors, pooled)
+    return FlickerRecord(LEVELS * rms, (LEVELS * low, LEVELS * high), len(products), pooled.num)
+
+
+def _shared_errors(record: SharedProbes) -> SharedErrors:
+    return SharedErrors(record.first, tuple(error / LEVELS for error in record.errors))
+
+
+def flicker_text(flicker: FlickerRecord) -> str:
+    """Return `flicker 3.1 of 255 levels (2.6 to 3.9)`."""
+    low, high = flicker.interval
+    return f"flicker {flicker.rms:.1f} of 255 levels ({low:.1f} to {high:.1f})"
 
 
 def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int, finer: FinerFile | None) -> FilmAccuracy:

@@ -43,6 +43,16 @@ Amounts = Mapping[str, float]
 
 
 @dataclass(frozen=True)
+class SharedProbes:
+    """A record of the errors of a frame at pixels that are probed in the frame beside it, too."""
+
+    first: Annotated[int, types.FRAME, "The first of the two frames."]
+    errors: Annotated[
+        tuple[float, ...], types.ERRORS, "Of a channel of each, picture minus truth, in levels of 8 bits."
+    ]
+
+
+@dataclass(frozen=True)
 class FrameAccuracy:
     """A record of how exact a frame is, by exact rays through some of its pixels."""
 
@@ -55,6 +65,7 @@ class FrameAccuracy:
     largest: Annotated[float, types.AMOUNT, "The largest magnitude of a weighted squared error, which may be below 0."]
     largest_error: Annotated[float, types.AMOUNT, "The largest error seen of a channel, in [0, 1]; too large at edges."]
     mean: Annotated[float | None, types.COORDINATE, "The mean squared error; left out, it is that of the PSNR."] = None
+    shared: Annotated[SharedProbes | None, "The errors that tell flicker, where the frame shares probes."] = None
 
 
 @dataclass(frozen=True)
@@ -181,6 +192,16 @@ class FileAccuracy:
 
 
 @dataclass(frozen=True)
+class FlickerRecord:
+    """A record of how much the errors of all pixels change from one frame to the next."""
+
+    rms: Annotated[float, types.AMOUNT, "The root mean square change of a channel, in levels of 8 bits, 0 to 255."]
+    interval: Annotated[Range, types.RANGE, "In 95 % of cases or more the true value is between these."]
+    pairs: Annotated[int, types.COUNT, "The number of pairs of neighbouring frames that share probes."]
+    probes: Annotated[int, types.COUNT, "The number of probes of all pairs."]
+
+
+@dataclass(frozen=True)
 class FilmAccuracy:
     """A record of how exact the frames of a film are together, by their rays."""
 
@@ -194,6 +215,7 @@ class FilmAccuracy:
     method: Annotated[str, "The way in which pixels are chosen."]
     seed: Annotated[int, types.COUNT, "The seed of the choice of pixels."]
     file: Annotated[FileAccuracy | None, "The accuracy of a film in one file; PNG files have the frames'."] = None
+    flicker: Annotated[FlickerRecord | None, "The change of errors from frame to frame, of pictures."] = None
 
 
 @dataclass(frozen=True)

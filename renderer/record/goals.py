@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from renderer.accuracy import ROUNDING_ERROR, psnr, wanted_error
 from renderer.errors import RenderError
-from renderer.record.accuracy_records import accuracy_text, film_accuracy
+from renderer.record.accuracy_records import accuracy_text, film_accuracy, flicker_text
 from renderer.record.film_record import FilmRecord, FrameRecord, min_max
 from renderer.scene import (
     ErrorSpec,
@@ -138,6 +138,8 @@ def summary_parts(scene: FilmScene, record: FilmRecord, num_resumed: int) -> Ite
     yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_resumed} drawn before)" if num_resumed else "")
     if record.accuracy is not None:
         yield accuracy_text(record.accuracy)
+        if record.accuracy.flicker is not None:
+            yield flicker_text(record.accuracy.flicker)
     yield f"{pluralize_range([frame.primitives for frame in frames], scene.primitive_name)} a frame"
     if goal is not None:
         yield f"tolerance {range_text([frame.tolerance for frame in frames])}"

@@ -32,6 +32,8 @@ _MOST_FRAMES = 240
 _UNUSUAL = 4.0
 # The factor on a squared error up to which a frame counts as hardly worse than another one, or than its record.
 _HARDLY_WORSE = 2.0
+# The factor on the upper end of the recorded flicker up to which a film is as recorded.
+_FAR_MORE_FLICKER = 1.5
 # The frames on each side of a frame that show nearly the same.
 _NUM_BESIDE = 4
 # The mean squared error that encoding may add, of colours in [0, 1]: the recorded error is of the first frames alone.
@@ -146,6 +148,11 @@ def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: O
         may_lose = 0.0 if output.is_frames else _MOST_OF_ENCODING
         least = psnr(_HARDLY_WORSE * squared_error(recorded.interval[0]) + may_lose)
         yield from _problems("far less exact than recorded", found, least, output)
+        if output.is_frames and recorded.flicker is not None and found.flicker is not None:
+            most, low = _FAR_MORE_FLICKER * recorded.flicker.interval[1], found.flicker.interval[0]
+            got, expected = f"at least {low:.1f} levels", f"at most {most:.1f} levels"
+            if low > most:
+                yield Problem("", "flickers far more than recorded", got, expected, location=str(output.file))
 
 
 def _problems(

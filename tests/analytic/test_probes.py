@@ -15,7 +15,11 @@ from renderer.accuracy import (
     FrameProber,
     choose_pixels,
     compute_truth,
+    error_products,
     error_samples,
+    estimate_flicker,
+    first_of_pair,
+    measure_flicker,
     pool_accuracies,
     pool_samples,
     psnr,
@@ -186,3 +190,23 @@ def test_figures_do_not_depend_on_the_number_of_threads() -> None:
     found = [FrameProber(stage, 300, num_threads=num).probe(5, frame.image) for num in (1, 2, 5)]
     assert found[0] == found[1] == found[2]
     assert FrameProber(stage, 300, seed=1).probe(5, frame.image) != found[0]
+
+
+def test_shared_probes_measure_the_change_of_errors() -> None:
+    """As whole exact pictures do; the errors of frames that turn, at a coarse tolerance, are partly the same."""
+    stage = prepare_stage(scene_of(), clock=perf_counter, num_threads=2)
+    first = next(first for frame in range(9) if (first := first_of_pair(frame, 8)) is not None)
+    frames = [drawn(stage, first), drawn(stage, first + 1)]
+    truths = [compute_truth(stage, frame.number, 1e-4) for frame in frames]
+    exact = measure_flicker(*(truth.errors_of(frame.image / 255) for truth, frame in zip(truths, frames, strict=True)))
+    assert exact is not None
+    found = []
+    for seed in range(20):
+        probes = [FrameProber(stage, 400, seed=seed).probe(frame.number, frame.image) for frame in frames]
+        shared = [probe.shared for probe in probes if probe.shared is not None]
+        products = error_products(*shared)
+        assert products is not None and shared[0].first == first
+        found.append(estimate_flicker(pool_samples([probe.samples for probe in probes]), products))
+    assert 255 * np.mean([rms for rms, _ in found]) == pytest.approx(exact.rms, rel=0.1)
+    assert sum(low <= exact.rms / 255 <= high for _, (low, high) in found) >= 19
+    assert 255 * np.median([high for _, (_, high) in found]) < 1.5 * exact.rms

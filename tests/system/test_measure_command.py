@@ -67,6 +67,23 @@ def test_bricks_are_measured_beside_splats() -> None:
     assert min(exact) > 20 + max(float(row["psnr_db"]) for row in splats)
 
 
+def test_neighbours_among_the_frames_tell_flicker(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By default one frame is measured for it; what changes least has the least error."""
+    few = ("--thorough", "--repeats", "1", "--footprints", "integrated", "--measures", "optical")
+    measure(*few, "--tolerances", "1,0.1")
+    assert "flicker 99 %" in capsys.readouterr().out
+    names = ["flicker_rms", "flicker_p99", "flicker_largest", "flicker_block_p99", "flicker_block_largest"]
+    found = {(row["tolerance"], row["frame"]): [row[name] for name in names] for row in rows()}
+    assert {frame for _, frame in found} == {"0", "2", "3", "5"}
+    assert all((numbers != [""] * 5) == (frame == "3") for (_, frame), numbers in found.items())
+    coarse, fine = (list(map(float, found[tolerance, "3"])) for tolerance in ("1.0", "0.1"))
+    assert all(one > other > 0 for one, other in zip(coarse, fine, strict=True))
+    assert coarse[0] < coarse[1] <= coarse[2] and coarse[3] <= coarse[4] < coarse[2] < 255
+    data = json.loads((folder / "scene.measured" / "measure.json").read_text("utf-8"))
+    assert data["measurements"][0]["flicker"]["p99"] == coarse[1]
+    assert "blocks 99 %" in (folder / "scene.measured" / "index.html").read_text("utf-8")
+
+
 def test_single_voxels_are_drawn_once_for_all_measures_and_corrections(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[Measurement] = []
 
