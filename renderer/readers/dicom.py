@@ -71,7 +71,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     try:
         found = sort_frames(frames)
     except InputError:
-        check_alike(frames)  # its message is better: frames of different stacks may share a place
+        check_alike(frames)  # if frames are of different stacks, its message says so
         raise
     segments = segments_of(frames[0].file)
     chosen, voxels = _read_chosen(found, segments, time, component, host)

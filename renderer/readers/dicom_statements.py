@@ -7,13 +7,13 @@ from collections.abc import Iterable, Sequence
 from renderer.readers.dicom_fields import TOLD_APART, VECTORS, Dataset, numbers_of, text_of
 from renderer.readers.statements import FormatTable, Statement
 
-# The name of the statement (field that changes how voxels are understood) that low values are shown light.
+# The name in notes of the field, with the value in it, which says that low values are shown light.
 MONOCHROME1 = "PhotometricInterpretation MONOCHROME1"
-# The name of the statement that frames have different frames of reference.
+# The name in notes of the field in which frames with different frames of reference (coordinates) differ.
 OTHER_SPACE = "FrameOfReferenceUID"
-# The name of the statement on the tilt of the gantry, which is needed only where slices have no positions.
+# The field with the tilt of the gantry, which is needed only where slices have no positions.
 _TILT = "GantryDetectorTilt"
-# The name of the statement on how the patient lies, which is needed only where slices have no directions.
+# The field that says how the patient lies, which is needed only where slices have no directions.
 _LIES = "PatientPosition"
 
 _VALUES = (

@@ -196,7 +196,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def _statements(header: _Header) -> Iterator[str | None]:
-    """Yield notes on fields of the header that are not applied, or that whoever sees the volume should know."""
+    """Yield notes on fields of the header that are not applied, or that a user should know."""
     found = {name for name in header.keys() if np.any(header[name])} & {each.field for each in STATEMENTS.statements}  # noqa: SIM118
     if _is_analyze(header):
         yield STATEMENTS.note(found)
@@ -230,7 +230,7 @@ def _steps(header: _Header, count: int) -> TimeSteps:
     unit = None if _is_analyze(header) else _TIME_UNITS.get(int(header["xyzt_units"]) & 0b111000)
     if unit is None:
         return TimeSteps(count)
-    step, first = (float(str(number)) for number in (header["pixdim"][4], header["toffset"]))  # as float32 prints it
+    step, first = (float(str(number)) for number in (header["pixdim"][4], header["toffset"]))  # in float32's digits
     return even_steps_at(count, step, unit, first)
 
 

@@ -1,8 +1,8 @@
 """Read NRRD (.nrrd, .nhdr): a text header, and voxels behind it or in data files.
 
 Format: http://teem.sourceforge.net/nrrd/format.html. An axis is either in space or time (a domain axis), or a list of
-components. Its kind decides; an axis of unknown kind is in space if it has a direction. Without a space, `spacings`
-gives the lengths. Spaces whose axes are named after the body become LPS; others are taken for LPS.
+components. Its kind decides; an axis of unknown kind is in space if it has a direction. Without the field `space`,
+`spacings` gives the lengths. Spaces whose axes are named after the body become LPS; others are taken for LPS.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ _SPACES |= {name + ("-time" if "-" in name else "t"): factors for name, factors 
 _SEGMENT = re.compile(r"(Segment\d{1,9}_(?:Name|LabelValue|Color|Layer)):=(.*)")
 # The note on a left-handed space without directions of a body. Any axis could be turned over; z is chosen.
 _LEFT_HANDED = "its space is left-handed, and the world is not: z is turned over, so that nothing is mirrored"
-# The names of components by the kind of their axis. A mask may come before them, and is not in the table.
+# The names of components by the kind of their axis. A masked kind has a further component before these, the mask.
 _COMPONENTS = {
     "complex": "real imaginary",
     "quaternion": "w x y z",

@@ -39,7 +39,7 @@ Blend = Literal["mix", "add"]
 
 @dataclass(frozen=True)
 class PyramidSpec:
-    """A choice of the quantity that a node averages, and of the precision in which it is stored."""
+    """A choice of the quantity that an octree node averages, and of the precision in which the average is stored."""
 
     average: Literal["extinction", "opacity"] = "extinction"
     precision: Literal["half", "single"] = "half"

@@ -197,7 +197,7 @@ def _check_percentiles(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
-    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # as in `scale: log`
+    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # `scale: log` is of a colormap
     if "import" in given:
         for key in schema.valid_keys(given, "points", "colormap", *of_colormap):
             node.key(key).reject(f"contradicts {node.path}.import", expected="one of them")
