@@ -101,7 +101,7 @@ class _Array(Type):
             raise TypeError(f"{value.dtype} [{value.ndim}], expected {expected}")
         if value.shape[value.ndim - len(self._last) :] != self._last:
             raise ValueError(f"shape {value.shape}, expected the last sizes {self._last}")
-        flags = value.flags  # not `aligned`: arrays from another process or from a file may lie at any address
+        flags = value.flags  # alignment is not required: arrays from a file or another process may lie anywhere
         if not flags.c_contiguous or self._is_written > flags.writeable:
             raise ValueError("not contiguous, or read-only where the kernel writes")
         kept.append(value)

@@ -189,7 +189,7 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
         marks = {each: ([numbers[number]], "") for each, numbers in file.vectors.items()}
         marks |= {file.run[0]: ([number], "")} if file.run else {}
         marks |= frame_marks(own, file.dimensions)
-        marks = marks | marks_of_all | marks  # values of the frame come before those that all frames share
+        marks = marks | marks_of_all | marks  # the frame's own values come first, and replace those of all frames
         marks |= {_FRAME_NUMBER: ([number], "")} if file.num_frames > 1 else {}
         frames.append(replace(frame, marks=marks))
     return frames

@@ -31,7 +31,7 @@ _RUNS = {
     "GM": "a film of a microscope",
     "OP": "a film of an eye",
 }
-# Fields with the time from one frame of a run to the next (PS3.3, C.7.6.5 and C.7.6.6).
+# Fields with the time from one frame to the next, where frames are times of one plane (PS3.3, C.7.6.5 and C.7.6.6).
 _STEPS = ("FrameTimeVector", "FrameTime")
 # The name of the dimension that distinguishes the frames of a run without times.
 _NUMBERED = "frame number"

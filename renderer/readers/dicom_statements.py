@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from renderer.readers.dicom_fields import TOLD_APART, VECTORS, Dataset, numbers_of, text_of
 from renderer.readers.statements import FormatTable, Statement
 
-# The name in notes of the field, with the value in it, which says that low values are shown light.
+# The field that says that low values are shown light, together with its value, as a note names it.
 MONOCHROME1 = "PhotometricInterpretation MONOCHROME1"
-# The name in notes of the field in which frames with different frames of reference (coordinates) differ.
+# The field with the frame of reference (the coordinates of positions), which a note names if frames differ in it.
 OTHER_SPACE = "FrameOfReferenceUID"
 # The field with the tilt of the gantry, which is needed only where slices have no positions.
 _TILT = "GantryDetectorTilt"

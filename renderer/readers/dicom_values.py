@@ -112,7 +112,7 @@ def _modality_table(path: Path, dataset: Dataset) -> Table | None:
     if len(descriptor) != 3 or not descriptor[2] % 2**16 <= 16:
         raise _table_error(path, f"LUTDescriptor = {text_of([item], 'LUTDescriptor')}")
     count, bits = int(descriptor[0]) % 2**16 or 2**16, int(descriptor[2])
-    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # two values in 16 bits
+    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # 16 bits hold two values
         data = np.array(data, "<u2" if is_little else ">u2").view(np.uint8)
     if len(data) < count:
         raise _table_error(path, f"{len(data)} of {count} values")

@@ -57,7 +57,7 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The largest number of axes that the format allows.
+# The largest number of axes that NRRD allows.
 _MAX_AXES = 16
 # The largest number of valid words that an error message lists.
 _MAX_LISTED = 10
@@ -99,7 +99,7 @@ _FIELDS = frozenset(
         "kinds",
     )
 )
-# The names that the format has for each type of integers.
+# The names that NRRD has for each type of integers.
 _INTEGERS = {
     "int8": "signed char, int8, int8_t",
     "uint8": "uchar, unsigned char, uint8, uint8_t",
@@ -112,7 +112,7 @@ _INTEGERS = {
 }
 _TYPES = {name: dtype for dtype, names in _INTEGERS.items() for name in names.split(", ")}
 _TYPES |= {"float": "float32", "double": "float64"}
-# The encoding of the voxels, by its name in the format.
+# The encoding of the voxels, by its name in NRRD.
 _ENCODINGS: dict[str, Encoding] = {"raw": "raw", "gzip": "deflate", "gz": "deflate", "bzip2": "bzip2", "bz2": "bzip2"}
 _ENCODINGS |= {"text": "text", "txt": "text", "ascii": "text", "hex": "hex"}
 # The words of the field `kinds` that tell nothing about an axis.

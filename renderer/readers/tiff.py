@@ -270,7 +270,7 @@ def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
             expected = f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0)
             raise damaged_error(f"page {number} of this TIFF file lacks pixels", got, expected)
     num_used = sum(sum(page.databytecounts) for page in pages)
-    if num_used > num_file_bytes:  # a small file could stand for any number of voxels
+    if num_used > num_file_bytes:  # pages that share bytes: a small file could claim any number of voxels
         raise InputError(
             "strips or tiles of this TIFF file share their bytes",
             got=f"{num_used} bytes of pixels, in a file of {num_file_bytes} bytes",

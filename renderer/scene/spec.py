@@ -184,7 +184,7 @@ def _has_plain_sections(sections: Scene) -> bool:
 
 
 def film_scene(sections: Scene) -> FilmScene:
-    """Return a scene of these sections, in which motions may take the place of values."""
+    """Return a scene of the given sections, in which motions may take the place of values."""
     return sections if _has_plain_sections(sections) else _MovingScene(sections)
 
 

@@ -151,7 +151,7 @@ FieldTable = Mapping[str, FieldType[Any]]
 
 
 def still(field: FieldType[T]) -> FieldType[T]:
-    """Return the same type for values that cannot move, neither as a whole nor in part."""
+    """Return a field type without motions: its values cannot move, neither as a whole nor in part."""
     return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
 
 
@@ -163,7 +163,7 @@ def _may_be_frame(key: object) -> bool:
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
-    """Return the motion that a map from frames to values describes; its value, if a film is read at one frame."""
+    """Return the motion that a map from frames to values describes, or its value if the film is read at one frame."""
     assert isinstance(node.value, Mapping) and field.motion is not None
     known = film.motions.get((node.path, id(field)))
     if known is not None and film.at is not None:
