@@ -82,7 +82,7 @@ class BrickBatch:
     steps: float64 [n], the approximate length of a step in each brick, in cells of the brick.
     screen_sampling: which pixels are drawn, and which are interpolated.
     origin: float64 [3], the world position of the model's origin, the volume's centre.
-    model_unit: the world length of a model unit.
+    model_unit: the world length of a model unit: half of the volume's diagonal.
     extremes: how rays find their extreme scalar; None if samples are composited.
     face_step: the longest step near a face that clipping cuts, in voxels.
     """

@@ -387,7 +387,7 @@ def _octants(cells: Int64) -> Int64:
 def _store_visible(plan: _Plan, nodes: VisibleNodes, part: int, target: Level) -> Level:
     """Write the visible nodes of one level of groups to the beginning of `target`, and return this part of `target`.
 
-    part: the level in the groups, 0 for the lowest.
+    part: the level in the groups of 73 nodes, 0 for the lowest.
     """
     found = nodes_of_level(nodes, part)
     means, target = nodes.means[found], target.part(0, found.stop - found.start)

@@ -40,7 +40,10 @@ def room_for_nodes(num_groups: int, num_channels: int, *, listed: bool = False) 
 
 
 def nodes_of_level(nodes: VisibleNodes, part: int) -> slice:
-    """Return the range of indices of the visible nodes on a level of the groups. part: the level, 0 for the lowest."""
+    """Return the range of indices of the visible nodes on one level of the groups of 73 nodes.
+
+    part: the level, 0 for the lowest.
+    """
     first = len(nodes.root_means) * sum(NODES_OF_GROUP[:part])
     return slice(first, first + int(nodes.counts[part]))
 

@@ -50,7 +50,7 @@ def find_isolated(
     """
     minimum, *usual, maximum = ends
     cube, first = values.reshape(-1, *(1, 1, *values.shape)[-2:]), 0
-    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # the last of them is no outlier
+    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # voxels kept at each end; the last one is no outlier
     beyond = [(np.empty(0, values.dtype), np.empty(0, bool))] * 2
     for slab in iter_slabs(cube, source, values.itemsize * _CHUNK):
         is_within = (slab >= minimum) & (slab <= maximum)

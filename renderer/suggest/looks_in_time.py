@@ -75,7 +75,7 @@ class _Step:
 
 
 def suggest_in_time(volume: OverFrames[VolumeSpec], read: ReadVolume, wish: Wish) -> VolumeSuggestion:
-    """Suggest a look for all steps of a volume whose time may move: one that suits as many steps as possible."""
+    """Suggest a look for all steps in time that a film shows of a volume: one that suits as many as possible."""
     all_steps = steps_in_time(volume)
     if len(all_steps) == 1:
         return suggest_read(*_read(volume.at(0), read, wish), wish)

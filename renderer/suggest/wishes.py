@@ -34,7 +34,7 @@ class Wish:
 
 @dataclass(frozen=True)
 class Materials:
-    """The materials of a scan, of which a wish's word shows some.
+    """The materials of a scan; a user's word selects the ones that are shown.
 
     ends: the normalised values at which materials begin and end, ascending.
     sample: a sample of the scan.

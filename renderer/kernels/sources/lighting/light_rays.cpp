@@ -97,7 +97,7 @@ Status transmit(const Transmit* arguments) {
     // Arrays for a row of cells, with room for whole vectors: for each cell, the largest optical depth of the cell and
     // its neighbours, the optical depth of a ray so far, and the sum of the transmissions of rays.
     Buffer<float> deepest(num + 2), ray_depths(num + LANES), totals(num + 2 + LANES);
-    Buffer<int64_t> starts(num);  // the first cell of each vector of cells; something is visible near this cell
+    Buffer<int64_t> starts(num);  // the first cell of each vector, a cell near which something is visible
     if (!deepest || !ray_depths || !totals || !starts) return NO_MEMORY;
     for (int64_t row = 0; row < out.shape[0]; row++) {
         if (is_stopped()) return STOPPED;

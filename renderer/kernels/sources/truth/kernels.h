@@ -136,7 +136,7 @@ struct SearchRays {
     // The factor on values: rays look for the largest product of the factor and a value. The factor is negative to find
     // the smallest value.
     double sign;
-    // Among products that differ by no more than this, the first along the ray counts.
+    // Among products of `sign` and a value that differ by no more than this number, the first along the ray counts.
     double least_rise;
     // The rays, in the volume's index space.
     EACH_CALL IndexRays rays;

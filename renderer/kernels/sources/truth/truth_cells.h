@@ -60,8 +60,8 @@ INLINE bool is_octant_absent(int absent, Point entry, Point extent, double t) {
     return absent >> ((x >= 0.5) + 2 * (y >= 0.5) + 4 * (z >= 0.5)) & 1;
 }
 
-// Add the positions where another corner becomes the nearest to the first `count` splits, which ascend. Return the new
-// count.
+// Add to the first `count` splits, which ascend, the positions at which another corner becomes the nearest. Return the
+// new number of splits.
 inline int64_t add_middles(Point entry, Point extent, const Array<double, 1>& splits, int64_t count) {
     for (int axis = 0; axis < 3; axis++)
         if (extent[axis] != 0.0) count = insert_split(splits, count, (0.5 - entry[axis]) / extent[axis]);

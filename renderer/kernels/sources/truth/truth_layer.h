@@ -135,7 +135,7 @@ struct LayerRay : LayerOptics {
     bool is_mixed;
     // The labels along the segment, if the cell has several.
     LabelSegment labels;
-    // The number of splits of the cell.
+    // The number of positions at which the segment in the cell is split.
     int64_t num_splits;
     // The number of pieces of the cell that have been taken. Pieces end at the splits and at 1.
     int64_t num_taken;
@@ -255,7 +255,7 @@ struct LayerRay : LayerOptics {
         cubic = cubic_in_cell(corners, entry, extent);
         if (colors.exists) {
             load_channels(corners);
-            num_splits = absent = 0;  // voxels without data have no extinction here, but no sharp edge
+            num_splits = absent = 0;  // voxels without data have no extinction, and the ray is not split at their edges
             return true;
         }
         num_splits = is_mixed ? labels.load(values, segment, splits) : add_crossings(cubic, intervals.knots, splits, 0);

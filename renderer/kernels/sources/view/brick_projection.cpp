@@ -1,8 +1,8 @@
 // Project the bounds of bricks into a view.
 #include "view/kernels.h"
 
-// In perspective, a box with a corner at this depth or less, in model units, gets the rectangle of the whole image: the
-// position of such a corner on the image would be a division by almost 0.
+// In perspective, a box with a corner at this depth or less, in model units (half the volume's diagonal), gets the
+// rectangle of the whole image: the position of such a corner on the image would be a division by almost 0.
 constexpr double MIN_DEPTH = 1e-6;
 
 // Write the image rectangle of each box of bounds, clipped to the image enlarged by `beyond` pixels on each side.
