@@ -111,7 +111,7 @@ def make_brick_batch(cut: BrickCut, bricks: BrickLayers, *, tolerance: float, vo
     largest_change = widest if pyramid.of == "scalar" and widest > 0 else 1.0
     thinnest = float((volume.spacing / volume.finest_spacing * volume.shape_xyz).min())
     finest = int(cut.levels.min(initial=len(bricks.levels)))
-    # The optical depth of a cell, about: the step error estimate if the error measure is `optical`; if not, the largest
+    # About the optical depth of a cell: the step error estimate if the error measure is `optical`; if not, the largest
     # depth of a voxel of the volume.
     densest = sum(layer.weight * layer.bricks.transfer.max_extinction for layer in bricks.layers)
     depths = np.full(len(cut), densest * volume.finest_spacing)

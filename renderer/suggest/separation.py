@@ -1,7 +1,8 @@
 """Tell the object from its surroundings, such as tables, holders, frames and specks, and clip these away.
 
-The visible voxels fall into connected parts. The object is the largest part that is not a sheet, the main part,
-together with other parts that are not too small. Planes that touch the object clip away the parts beyond them.
+The visible voxels fall into connected parts. The object is the main part, the largest one that is no sheet (a thin
+part, such as a table), together with other parts that are not too small. Planes that touch the object clip away the
+parts beyond them.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ _MIN_LENGTH = 16
 # A thin part is a sheet, such as a table, only if its second longest side is at least this many times its thickness.
 # Rods are no sheets: by volume and surface, they are about twice as wide as thick.
 _MIN_WIDTH = 5.0
-# The directions in which clip planes may face, as small whole numbers.
+# The directions in which clip planes may face, as vectors of small whole numbers.
 _DIRECTIONS = np.array([each for each in product(range(-2, 3), repeat=3) if math.gcd(*each) == 1], np.float64)
 # The unit vectors of `_DIRECTIONS`.
 _NORMALS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
@@ -136,7 +137,7 @@ def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
 
 
 def _are_holders(cells: Bools, sides: Float64) -> Bools:
-    """Return which cells belong to holders: sheets with one cross-section from end to end of the volume.
+    """Return which cells belong to holders: thin parts with one cross-section from end to end of the volume.
 
     Holders may touch the object.
     """

@@ -71,7 +71,7 @@ void fill_gradients(const Field& field, const int64_t (&shape)[3], const Array<c
         }
 }
 
-// Smooth a field by (1, 4, 6, 4, 1) / 16 along each axis, and move it by two places towards 0.
+// Smooth a field by (1, 4, 6, 4, 1) / 16 along each axis, and move the numbers by two places towards index 0.
 void smooth(const Field& field) {
     int64_t side = field.shape[0], steps[3] = {1, side, side * side};
     for (int64_t step : steps)

@@ -26,7 +26,8 @@ INLINE Floats interpolate_row(const Array<const float, 3>& grid, Floats x, float
     Ints i = to_int32(x);
     int64_t begin = k * slab + j * row + i[0];
     Floats a = x - to_float32(i), values = 0.0f;
-    // Lanes lie side by side, unless a position was rounded across the middle of a cell, or is before the first cell.
+    // The cells of lanes lie side by side, unless a position was rounded across the middle of a cell, or is before the
+    // first cell.
     if (any_of(mask_of(i != i[0] + lane_numbers<Ints>())) || begin < 0 || begin + slab + row + LANES >= flat.shape[0]) {
         for (int lane = 0; lane < LANES; lane++)
             if (is_met[lane]) values[lane] = interpolate_cells(grid, x[lane], y, z);

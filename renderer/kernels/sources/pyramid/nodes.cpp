@@ -72,7 +72,7 @@ struct Shares {
     // The shares h along x, y and z, for each channel of each node.
     T along[3][WIDTH];
 
-    // extent: the voxels of the group that are inside the volume, along x, y, z. child: the width of the nodes'
+    // extent: the number of voxels of the group inside the volume, along x, y, z. child: the width of the nodes'
     // children, in voxels.
     void set(const int64_t* extent, int64_t child) {
         for (int64_t axis = 0; axis < 3; axis++)

@@ -119,7 +119,7 @@ struct MaskRays {
     LayerOptics layer;
     // The rays, in the index space of the mask.
     IndexRays rays;
-    // [n, k, 2]: the distances at which the first k parts of each ray start and end.
+    // [n, k, 2]: the distances at which the first k parts of each ray inside the mask start and end.
     Array<double, 3> parts;
     // [n]: the number of parts of each ray inside the mask, which may exceed k.
     Array<int64_t, 1> counts;

@@ -4,7 +4,7 @@
 namespace truth {
 namespace {
 
-// The number in place of an axis by which not a difference along an axis is asked for, but the value of a voxel.
+// The value of `axis` that asks for a voxel's value, and not for a difference along an axis.
 constexpr int VALUE = -1;
 
 // The voxels at the corners of a cell, and the voxels around them up to a margin.

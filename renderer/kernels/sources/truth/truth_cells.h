@@ -15,7 +15,7 @@ namespace truth {
 constexpr int64_t MACROCELL_SIZE = 4;
 // The largest number of voxels along each axis of a cube of voxels that is read at once.
 constexpr int64_t LARGEST_CUBE = 8;
-// The bits of a cell's corners without data, if no corner has data. There is one bit for each corner, x fastest.
+// The set of a cell's corners without data if no corner has data. There is one bit for each corner, x fastest.
 constexpr int ALL_ABSENT = 255;
 
 // The number of a cell, or of a voxel, along x, y, z.

@@ -63,7 +63,7 @@ struct ProjectBounds {
     ModelView camera;
     // The number of pixels by which rectangles may extend beyond the image; they are clipped there.
     int64_t beyond;
-    // [n, 4]: the left, top, right and bottom of each brick, in pixels.
+    // [n, 4]: the left, top, right and bottom edge of each brick's rectangle, in pixels.
     Sized<double, 2, 4> rectangles;
 };
 KERNEL(project_bounds, ProjectBounds)
