@@ -91,7 +91,7 @@ def _kind(path: Path) -> str:
 
 
 def _files_by_pair(golden: Path, actual: Path, kinds: tuple[str, str]) -> Sequence[dict[str, Path]]:
-    """Return the files of each side, by the names of their pairs."""
+    """Return the golden and the actual files, each by the name of its pair."""
     if kinds == (_TEMPLATE, _TEMPLATE):
         return [
             {frame_path(golden, number).name: path for number, path in _template_files(template).items()}

@@ -96,7 +96,7 @@ class ReportFiles:
         self._write({"--json": failure_json, "--junit": failure_junit}, str(golden), str(actual), why)
 
     def _write(self, makers: Mapping[str, Callable[..., str]], *contents: object) -> None:
-        """Write the requested reports. makers: for each option, a function that returns its report on the contents."""
+        """Write the requested reports. makers: for each option, a function from contents to its report."""
         with staged_files() as write:
             for option, path in self.paths.items():
                 if option in makers:

@@ -125,7 +125,7 @@ def open_scene_pairs(request: SceneRequest, folder: Path, rules: Rules, reporter
             expected=f"frame {goldens[0].frame} or others listed in {folder / PROVENANCE_FILE}",
         )
     names = [golden.file for golden in goldens]
-    rules.require_frames(names)  # before rendering
+    rules.require_frames(names)  # an unknown frame is an error before rendering
     with rendered_frames(job, numbers, reporter) as (files, record):
         now = origin_from_record(record)
         notes = [*_origin_notes(provenance, now), *_file_notes(folder, goldens, unlisted), *record.notes]

@@ -1,4 +1,4 @@
-"""Serves one page and its news to one user of this machine.
+"""Serves one page, and texts that update it, to one user of this machine.
 
 Every user of the machine can connect to the port. Therefore the address has a secret token, and connections that make
 no request are closed.

@@ -173,7 +173,7 @@ class SharedLook:
 
 
 def _own_entries(tree: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the sections on a scene's volume; in a list of volumes, the first and each other one with its file."""
+    """Return the sections on a scene's first volume: one, or the entries of a list of volumes with its file."""
     volumes = tree.get("volumes")
     if not isinstance(volumes, list):
         section = tree.get("volume")
@@ -205,7 +205,7 @@ def _place_from(folder: Path, base: Path, key: str, name: str) -> str:
 
 
 def _map_layer(section: dict[str, Any], layer: OverFrames[LayerSpec], line: ValueLine) -> None:
-    """Map the values in a layer's section of a scene, of a transfer function or a colour's range, by a line."""
+    """Map the values in a layer's section of a scene, of a transfer function or a colour's range, by a linear map."""
     if layer.at(0).color is None:
         mapped = layer.map(lambda each: map_values(each.transfer_function, line))
         section["transfer_function"] = spec_to_dict(mapped)

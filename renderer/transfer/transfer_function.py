@@ -94,7 +94,7 @@ def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> Transfe
             return np.minimum(-np.log1p(-opacity) / unit, cap) + 0.0  # adding 0.0 turns -0.0 into 0.0
 
     if isinstance(spec.mapping, LabelsSpec):
-        # Steps lie half-way between the numbers of labels. Hidden labels have the number 0.
+        # The transfer function of labels has its steps half-way between their numbers. Hidden labels have the number 0.
         styles = spec.mapping.styles
         values = np.repeat(np.arange(len(styles) + 1) + 0.5, 2)[:-1]
         opacities = np.append(0.0, np.repeat([style.opacity for style in styles], 2))
@@ -125,7 +125,7 @@ def _colormap_control_points(spec: ColormapSpec, at: Float64, extinctions: Float
     # If the range has fewer numbers than the colormap has samples, each number occurs once, with its own colour.
     samples = np.unique(np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale)
     table = np.asarray(colormap_points(spec.colormap, NUM_COLORMAP_SAMPLES), np.float64)
-    extra = samples[~np.isin(samples, at)]  # of two points at one value, the extinction's stays, as it may be a step
+    extra = samples[~np.isin(samples, at)]  # a point with an extinction may be a step: it stays
     values = np.concatenate([extra, at])
     order = np.argsort(values, kind="stable")
     opaque = TransferFunction(at, np.zeros((len(at), 3)), extinctions, 1.0)

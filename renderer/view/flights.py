@@ -34,7 +34,7 @@ def fly(path: FlightPath, start: Float64 | None, frames: Float64) -> Float64:
     """
     places = [np.array([*key.position, *key.target, key.roll, 0.0]) for key in path.keys]
     at_frames = [key.frame for key in path.keys]
-    if start is not None and at_frames[0] != 0:  # a flight whose first key is at frame 0 begins there
+    if start is not None and at_frames[0] != 0:  # a first key at frame 0 replaces `start`
         places.insert(0, start)
         at_frames.insert(0, None if at_frames[0] is None else 0)
     curve = np.array(places)

@@ -177,7 +177,7 @@ def _extreme_corners(pyramid: Pyramid, occupied: Bools) -> Float64:
 def _without_clipped_cells(pyramid: Pyramid, clip: ClipRegion) -> Bools:
     """Return which occupied cells of a pyramid clipping leaves, at least in part, bool [z, y, x]."""
     volume, left = pyramid.volume, np.zeros_like(pyramid.occupied)
-    for z in range(len(left)):  # layers of cells are taken one by one, to bound memory
+    for z in range(len(left)):  # one plane of cells at a time, to bound memory
         y, x = np.nonzero(pyramid.occupied[z])
         first = np.column_stack([x, y, np.full_like(x, z)]) << pyramid.occupied_level
         last = np.minimum(first + (1 << pyramid.occupied_level), volume.shape_xyz)
@@ -206,7 +206,7 @@ def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> 
 def finest_useful_level(
     volume: Volume, points_world: Float64, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> int:
-    """Return the coarsest level of a pyramid whose cells are at most SMALLEST_CELL_PX wide on all frames; else 0.
+    """Return the coarsest pyramid level whose cells are at most SMALLEST_CELL_PX wide on all frames; 0 without one.
 
     Finer levels show nothing more, as no footprint is narrower. The width of a cell is bounded by the longest diagonal
     of a voxel, at the smallest depth and the steepest angle of the points' bounding box. If the eye may be inside this

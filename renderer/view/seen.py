@@ -16,8 +16,8 @@ from renderer.volume import Bools, Float64, grow, label_parts
 
 # All cells that framing leaves out add, together, less than this share of a picture.
 _MOST_LEFT_OUT = 1e-3
-# Framing leaves cells out only if the box around the other cells is shorter along an axis by at least this share. So
-# the end of an object stays in the picture.
+# Framing leaves cells out only if the box around the remaining cells is shorter along an axis by at least this share.
+# So the thin end of an object stays in the picture.
 _LEAST_GAIN = 0.05
 # A cell is faint if its opacity is less than this share of the opacity at _OPAQUE_PERCENTILE.
 _FAINT = 0.02
@@ -34,7 +34,7 @@ class SeenCells(NamedTuple):
     """The visible cells that decide how a volume is framed.
 
     cells: which cells these are, bool [z, y, x].
-    left_out: the share of a picture that all other visible cells add.
+    left_out: the share of a picture that the visible cells which do not decide the framing add to it.
     """
 
     cells: Bools

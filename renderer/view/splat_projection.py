@@ -1,4 +1,4 @@
-"""Transform a view to model units, and find the splats that it sees, in their order."""
+"""Transform a view to the coordinates of a batch of splats, and find the splats that it sees, in their order."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FOOTPRINT_SAMPLE = 4096
 
 
 class Model(Protocol):
-    """A coordinate system of a model: its origin in the world, float64 [3], and the world length of its unit."""
+    """A coordinate system of splats or bricks: its origin in the world, float64 [3], and its unit in world units."""
 
     @property
     def origin(self) -> Float64: ...
@@ -40,7 +40,7 @@ class Model(Protocol):
 
 
 def model_view(model: Model, view: View) -> ModelView:
-    """Return the view in the units of a model, from the model's origin. The translation is computed in float64."""
+    """Return the view in the coordinate system `model` of splats or bricks. The translation is computed in float64."""
     translation = view.view_from_world(model.origin) / model.model_unit
     perspective = view.projection == "perspective"
     scale_px = view.scale_px if perspective else view.scale_px * model.model_unit

@@ -42,12 +42,12 @@ _MAX_THREADS = 1000
 MAX_LOSSES = 3
 # Largest number of frames, for each worker, that are under way, or are finished and wait for an earlier frame.
 _WINDOW_PER_WORKER = 4
-# Number of consecutive frames that one worker draws where something moves: they often share layers.
+# Number of consecutive frames that one worker draws if values of the scene move: such frames often share layers.
 _RUN_IN_MOTION = 8
 
 
 class ClusterDrawing:
-    """Draws the frames of a plan with the workers of a cluster, until it is closed.
+    """Draws the frames of a film with the workers of a cluster, until it is closed.
 
     where: the option that chose the cluster, for messages. memory: bytes for the bricks of all processes of a machine;
     None for half of its free memory.
