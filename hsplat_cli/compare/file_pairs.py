@@ -35,7 +35,7 @@ from renderer.scene import (
 # Suffixes of picture files that are not compared; a note lists such files.
 _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
-# Kinds of a path, as messages name them.
+# The kinds of paths that can be compared, as messages name them.
 _FOLDER = "a folder"
 _TEMPLATE = "a template of frames"
 _PICTURE = "a PNG picture"

@@ -137,7 +137,7 @@ def open_scene_pairs(request: SceneRequest, folder: Path, rules: Rules, reporter
 def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
     """Return the content of golden.json, and the pictures in the folder that it does not list.
 
-    Raises InputError if the folder has no golden.json, or has an unlisted picture whose name is a golden's.
+    Raises InputError if the folder has no golden.json, or has an unlisted picture with the name of a golden.
     """
     hint = f"`hsplat golden SCENE {folder}` renders goldens and records their origin"
     try:

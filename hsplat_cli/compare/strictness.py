@@ -13,7 +13,7 @@ Limits = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Strictness:
-    """Holds a named set of limits. purpose: its use, in one sentence."""
+    """Holds a named set of limits. purpose: the use of the set, in one sentence."""
 
     purpose: str
     limits: Limits

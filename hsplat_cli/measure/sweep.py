@@ -55,7 +55,8 @@ Truths = Sequence[Truth] | Sequence[SampledTruth]
 class Setting:
     """Holds the parameters of one measurement, which is a point on a curve of error over cost.
 
-    series: the name of the curve, such as "gaussian, optical" or "gouraud 8x3, rms, uncorrected".
+    series: the name of the curve, whose points differ in their tolerances, such as "gaussian, optical" or "gouraud 8x3,
+    rms, uncorrected".
     label: the name of the point, such as "tolerance 0.1".
     options: the parameters by name, for tables: tolerance, footprint, ...
     """
@@ -129,7 +130,7 @@ class Measurement:
 
 
 def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
-    """Return the setting of a scene with a constant tolerance; its footprint and error measure name its series."""
+    """Return the setting of a scene with a constant tolerance; its series is named by footprint and error measure."""
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
     tolerance = tolerance_at(error, 0)

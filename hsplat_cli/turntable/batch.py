@@ -90,7 +90,7 @@ def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: R
         process = child_processes.start("hsplat_cli", ["turntable", *arguments, *of_film], stdout=subprocess.PIPE)
         try:
             output, _ = process.communicate()
-        except KeyboardInterrupt:  # only this process has received the signal
+        except KeyboardInterrupt:  # the film's process has not received the signal
             process.terminate()
             with suppress(subprocess.TimeoutExpired):
                 process.wait(_TERMINATE_TIMEOUT_S)

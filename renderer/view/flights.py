@@ -18,11 +18,11 @@ from renderer.volume import Float64
 _NUM_CHORDS = 512
 # A place of the camera is an array [8] of eye, target, roll and zoom. These are the columns of the eye.
 EYE = slice(0, 3)
-# The columns of the target in a place of the camera.
+# The columns of the target in the array [8] of a place of the camera.
 TARGET = slice(3, 6)
-# The column of the roll, in degrees, in a place of the camera.
+# The column of the roll, in degrees, in the array [8] of a place of the camera.
 ROLL = 6
-# The column of the logarithm of the zoom in a place of the camera.
+# The column of the logarithm of the zoom in the array [8] of a place of the camera.
 LOG_ZOOM = 7
 
 

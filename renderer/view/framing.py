@@ -74,7 +74,7 @@ def least_distance(
     margin: float = MARGIN,
     frames: Sequence[int] | None = None,
 ) -> float:
-    """Return the smallest distance at which all points are in the image, as `fit_distance`; it may be 0 or less.
+    """Return the smallest distance at which all points are in the image, as `fit_distance` does; it may be 0 or less.
 
     frames: the frames of the path at which the points must be in the image, None for all frames.
     """
@@ -144,7 +144,7 @@ def visible_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> Float64:
 
 
 def framed_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> tuple[Float64, float]:
-    """Return corners as `visible_points`, but without cells that add next to nothing to a picture.
+    """Return corners as `visible_points` does, but without cells that add next to nothing to a picture.
 
     The second result is the share of a picture that the omitted cells would add; mostly 0, as no cells are omitted.
     """

@@ -44,7 +44,7 @@ NEIGHBOURS = np.array(
     [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)]
 )
 
-# The views near a view are sampled by points on a sphere, this many in each octant.
+# The number of points in each octant of a sphere by which the views near a view are sampled.
 _POINTS_PER_OCTANT = 2048
 
 

@@ -44,8 +44,8 @@ class SeenCells(NamedTuple):
 def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
     """Return which of the visible cells of level `Pyramid.occupied_level` decide how a volume is framed.
 
-    A picture stands here for the mean of three pictures of opacities, along the three axes. Each connected part of the
-    volume is kept or left out as a whole, and so are all faint cells together.
+    The share of a picture that cells add is measured on the mean of three pictures of opacities, along the three axes.
+    Each connected part of the volume is kept or left out as a whole, and so are all faint cells together.
 
     occupied: the cells of `Pyramid.occupied` that are not clipped away.
     """

@@ -71,10 +71,11 @@ class Region(NamedTuple):
 def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     """Return a rectangle of the image that holds all footprints of a batch of splats.
 
-    All splats have their centres in a ball about the model's origin, which is at (x0, z0) in view space, and at depths
-    of `nearest` or more. On the image, a centre at (x, z) is at most
-    `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` away from the model's origin. A footprint
-    reaches further by its cutoff radius, as projected at the largest angle to the view that SLOPE_LIMIT allows.
+    All splats have their centres in a ball with the radius `radius` about the model's origin, which is at (x0, z0) in
+    view space, and at depths of `nearest` or more. `scale` is the focal length in pixels. On the image, a centre at (x,
+    z) is at most `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` away from the model's
+    origin. A footprint reaches further by its cutoff radius, as projected at the largest angle to the view that
+    SLOPE_LIMIT allows.
     """
     size = np.array(camera.size)
     centers = batch.centers

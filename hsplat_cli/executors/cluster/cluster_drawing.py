@@ -159,13 +159,13 @@ class ClusterDrawing:
     def _send_stage(self, worker: str) -> Future:
         """Send the stage to a worker, unless some worker has it: workers pass it on to each other."""
         with self._lock:
-            if self._stage_data is None or self._stage_data.status != "finished":  # all workers that had it are lost
+            if self._stage_data is None or self._stage_data.status != "finished":  # every worker with the stage is lost
                 stage_data = SerializedStage(serialize_stage(self.plan.stage))
                 self._stage_data = self._client.scatter(stage_data, workers=[worker], hash=False)
             return self._stage_data
 
     def _fetch(self, worker: str, future: Future) -> DrawnPictures | None:
-        """Fetch the pictures of a frame from its worker; None where the worker died before they came."""
+        """Fetch the pictures of a frame from its worker; None where the worker died before the pictures came."""
         seconds = _FETCH_TIMEOUT_S
         while True:
             try:
