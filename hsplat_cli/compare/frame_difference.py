@@ -132,7 +132,7 @@ def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
 def _sums_down(values: Int32) -> Int32:
     """Return the sums of each column over WINDOW_PX consecutive rows, or over all rows if there are fewer.
 
-    Called for both axes, it sums one channel over windows; the sums stay below 2^23, within int32.
+    A sum of one channel over a window, down and then across, stays below 2^23, within int32.
     """
     num = min(WINDOW_PX, len(values))
     sums: Int32 = values[: len(values) - num + 1].copy()

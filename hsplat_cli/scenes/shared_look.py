@@ -74,7 +74,7 @@ class SharedLook:
 
     @cached_property
     def scene(self) -> FilmScene:
-        """Return the scene. In place of its volume's path, it has the path of the scene's file as a placeholder that exists."""
+        """Return the scene. The path of its volume is a placeholder: the path of the scene's file, which exists."""
         return self._editor.parse()
 
     @property

@@ -61,7 +61,7 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
             for number, request in enumerate(remaining)
         ]
         reporter.result(manifest.manifest_table(folder, [*films, *rows]))
-        # Each update removes the entries of films whose scene and volume are gone.
+        # Each update of turntable.json removes the entries of films whose scene and volume are gone.
         missing = [film for film in films if not manifest.has_volume(folder, film)]
         manifest.try_to_update(folder, missing, reporter)
     gallery.finish()

@@ -85,7 +85,7 @@ _MAX_FOLDERS_UP = 3
 Row = Sequence[Any]
 # A function that tests the content of a file, and returns a value that counts as true if the content has the format.
 Sign = Callable[[bytes], object]
-# A function that matches a line of text with the rows of a format.
+# A function that matches a line of text with the regular expression of a row.
 _Match = Callable[[str], "re.Match[str] | None"]
 # A function that reads the labels in a file.
 LabelReader = Callable[[LookFile], tuple[Label, ...]]

@@ -236,8 +236,8 @@ def smallest_voxel_px(
 ) -> float:
     """Return the smallest width that a voxel at the volume's centre has on any frame, in pixels.
 
-    The width is of the finest spacing. An eye nearer to the centre than half of the volume's diagonal counts as half of
-    the diagonal away, because most visible voxels are about as far away.
+    A voxel's width is the finest spacing of the volume. An eye nearer to the centre than half of the volume's diagonal
+    counts as half of the diagonal away, because most visible voxels are about as far away.
     """
     spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
     narrowest_px = math.inf
