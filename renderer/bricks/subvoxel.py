@@ -1,8 +1,4 @@
-<<<<<<< HEAD
 """Make the curve by which sub-voxel variation is measured: colour and extinction over the scalar.
-=======
-"""Make the curve, channels as a function of the scalar, on which the sub-voxel variation of bricks is measured.
->>>>>>> r2
 
 Sub-voxel variation, the distance of this curve from straight lines between neighbouring voxels, is defined and computed
 by `renderer/kernels/sources/bricks/subvoxel.cpp`.
