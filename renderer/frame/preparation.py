@@ -239,8 +239,8 @@ def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, flo
 def _framed_points(layer: Layer, clip: tuple[ClipSpec, ...] | None) -> tuple[Float64, float]:
     """Return, for one layer, the positions that must be in frame and the share of a picture that is left out.
 
-    clip: planes and boxes whose removed parts need not be in frame, besides the layer's own; None to frame the whole
-        layer.
+    clip: clip planes and boxes whose removed parts need not be in frame, besides the layer's own; None to frame the
+        whole layer.
     """
     region = None if clip is None else place_object_clips(layer.volume, clip + layer.spec.clip)
     if layer.projection is not None:  # a single voxel may be the brightest on a ray

@@ -185,7 +185,7 @@ def view_of(film: FilmStage, frame: int) -> View:
 
 
 def finest_level_at(stage: Stage, tolerance: float, number: int = 0) -> int:
-    """Return the finest level of the cells that are drawn at a tolerance. number: the number of the group."""
+    """Return the finest level of the cells of a group of layers at a tolerance. number: the number of the group."""
     if stage.draws_voxels_only(number):
         return 0
     return max(stage.scene.error.finest_level, stage.resolutions[number].finest_level if tolerance > 0 else 0)

@@ -1,4 +1,4 @@
-"""Check that parts belong to one film, and that they have all of its frames."""
+"""Check that the parts to assemble belong to one film, and that they have all of its frames."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _missing_problems(missing: Sequence[int], part: FinishedFilm) -> Iterator[Pr
 
 
 def _command(part: FinishedFilm, start: int, stop: int) -> str:
-    """Return the command that draws these frames beside the frames of a part."""
+    """Return the command that draws these frames into the folder of a part."""
     words = ["hsplat", "render", str(part.path)]
     if part.has_goal:
         ((name, value),) = schedule_to_dict(part.record.schedule.requested).items()
