@@ -78,7 +78,9 @@ def signatures() -> str:
 
 
 def _protocols(kernel: Struct) -> Iterator[str]:
-    """Yield the types of a kernel that has members of each call, and of the function that its `partial` returns."""
+    """Yield the lines of the types of a kernel and of the function that its `partial` returns; none without `partial`.
+
+    A kernel has `partial` if some members of its struct are given anew at each call."""
     of_call = _members_of_call(kernel)
     if not of_call:
         return
