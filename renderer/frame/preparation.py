@@ -79,7 +79,7 @@ class StageMaker:
         return self.stage_of(scene, layers, target, scene.camera.distance or film.distance)
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]:
-        """Return the volume of each layer of a scene. Equal volumes are read once. Raises InputError if that fails."""
+        """Return the volume of each layer of a scene. Each volume is read once. Raises InputError for an unusable file."""
         keys = [volume_key(layer) for layer in scene.layers]
         if keys == self.volumes[0]:
             return self.volumes[1]
@@ -243,7 +243,7 @@ def _framed_points(layer: Layer, clip: tuple[ClipSpec, ...] | None) -> tuple[Flo
         whole layer.
     """
     region = None if clip is None else place_object_clips(layer.volume, clip + layer.spec.clip)
-    if layer.projection is not None:  # a single voxel may be the brightest on a ray
+    if layer.projection is not None:  # no voxel may be left out, as any may be the brightest on a ray
         return visible_points(layer.pyramid, region), 0.0
     return framed_points(layer.pyramid, region)
 

@@ -149,7 +149,7 @@ class Stage(FilmStage):
             yield None if region is None else partial(are_near_faces, region, group.volume)
 
     def draws_voxels_only(self, number: int) -> bool:
-        """Return whether a group is drawn as voxels at every tolerance, as its light depends on the view.
+        """Return whether a group of layers is drawn as voxels at every tolerance, as its light depends on the view.
 
         Larger cells cannot hold such light. number: the number of the group.
         """

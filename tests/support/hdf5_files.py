@@ -26,7 +26,8 @@ def write_netcdf(
 ) -> Path:
     """Write a netCDF file of one variable with coordinates along its axes.
 
-    numbers: the coordinates, by the names of axes; 0, 1, 2 and so on for other axes. attributes: of the variable.
+    numbers: the coordinates, by the names of axes; 0, 1, 2 and so on for other axes. attributes: attributes of
+    the variable.
     """
     with h5py.File(path, "w") as file:
         dataset = file.create_dataset("t", data=values)

@@ -59,9 +59,9 @@ def _film_identity(part: FinishedFilm) -> dict[str, object]:
 
 
 def pick_frames(parts: Sequence[FinishedFilm], numbers: Iterable[int]) -> tuple[list[FrameFile], list[Problem]]:
-    """Return these frames, each from the first part that has it, and problems.
+    """Return the files of these frames, each from the first part that has it, and the problems of the parts.
 
-    There is a problem for frames that no part has, and for each frame that differs between two parts.
+    There is one problem for all frames that no part has, and one for each frame that differs between two parts.
     """
     found: dict[int, list[FrameFile]] = {}
     for part in parts:
