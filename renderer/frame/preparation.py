@@ -79,7 +79,7 @@ class StageMaker:
         return self.stage_of(scene, layers, target, scene.camera.distance or film.distance)
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]:
-        """Return the volume of each layer of a scene. Each volume is read once. Raises InputError for an unusable file."""
+        """Return the volume of each layer of a scene. Equal volumes are read once. Raises InputError for unusable ones."""
         keys = [volume_key(layer) for layer in scene.layers]
         if keys == self.volumes[0]:
             return self.volumes[1]
