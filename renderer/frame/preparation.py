@@ -79,7 +79,10 @@ class StageMaker:
         return self.stage_of(scene, layers, target, scene.camera.distance or film.distance)
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]:
-        """Return the volume of each layer of a scene. Equal volumes are read once. Raises InputError for unusable ones."""
+        """Return the volume of each layer of a scene, read once if volumes are equal.
+
+        Raises InputError if a volume cannot be read.
+        """
         keys = [volume_key(layer) for layer in scene.layers]
         if keys == self.volumes[0]:
             return self.volumes[1]
