@@ -21,11 +21,11 @@ import tempfile
 from pathlib import Path
 from typing import Callable  # noqa: UP035  for an old Python
 
-# The checkout.
+# The folder of the checkout of hsplat.
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
-# The record of the Python and the sources that `.venv` has. Only this module writes it, and knows its own `.venv` by
-# it.
+# The file that records with which Python and from which sources this module made `.venv`. A `.venv` without it was made
+# by somebody else.
 INSTALL_RECORD = VENV / "hsplat-bootstrap.json"
 # The files and folders of the checkout that a wheel is built from.
 SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "hsplat_cli", "renderer")
@@ -106,7 +106,7 @@ def require_checkout() -> None:
 
 
 def require_packages(find_problem: "Callable[[], str]", *packages: str) -> None:
-    """Install these Debian packages if there is a problem; raise SetupError with instructions if that is impossible."""
+    """Install Debian packages if `find_problem` finds a problem; raise SetupError with instructions where it cannot."""
     problem = find_problem()
     if not problem:
         return

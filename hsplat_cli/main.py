@@ -137,7 +137,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _invoke(arguments: Sequence[str]) -> int:
-    # Not click's own main(): it handles every EOFError as an interrupt, and every broken pipe as one of stdout.
+    # click's own main() is not used: it handles every EOFError as an interrupt, and every broken pipe as one of stdout.
     code = 0
     try:
         with signals_as_interrupts(), hsplat.make_context("hsplat", list(arguments)) as context:
@@ -178,7 +178,7 @@ def _flush_or_discard(stream: TextIO) -> None:
 
 
 def _print_error(text: str) -> None:
-    with contextlib.suppress(OSError):  # nobody reads it, or the disk is full
+    with contextlib.suppress(OSError):  # nobody reads the stream, or the disk is full
         Reporter().warning(text)
         if os.environ.get("HSPLAT_DEBUG") == "1":
             Reporter().warning(join_lines(traceback.format_exc().splitlines()))

@@ -83,7 +83,8 @@ def make_scene(
         assert isinstance(stand_in, ProceduralSource)
         placed = replace(array, spacing=stand_in.spacing)
         scene = scene.changed(lambda each: _with_source(each, placed))
-    # Plain data do not say where a transfer function was imported from, so the given scene's own are taken over.
+    # Plain data do not say where a transfer function was imported from, so the transfer functions of the given scene
+    # are taken over.
     if isinstance(source, FilmScene) and "transfer_function" not in given:
         scene = scene.changed(_with_transfer_functions, source)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
@@ -229,7 +230,7 @@ def _parameter(path: str) -> str:
 
 
 def _with_suggestion(scene: FilmScene, wish: Wish | None) -> FilmScene:
-    """Return the scene with what is suggested for its first volume: transfer function, light and clip planes."""
+    """Return the scene with the transfer function, light and clip planes that are suggested for its first volume."""
     from renderer.suggest import suggest_for
 
     found = suggest_for(scene.at(0).layers[0].volume, read_volume, wish=wish or Wish())

@@ -161,7 +161,7 @@ def _output_text(output: OutputFile, num_frames: int, costs: Forecast | None) ->
 
 
 def _motion(scene: FilmScene) -> Iterator[tuple[str, str]]:
-    """Yield a row with the values that move, and a row for each layer with the frames on which it is made again."""
+    """Yield a row with the values that move, and a row for each layer with the frames that need a new pyramid."""
     in_time = ["all steps in time"] * any(layer.volume.time == "auto" for layer in scene.at(0).layers)
     if scene.moves or in_time:
         yield "motion", join_some([*in_time, *moving_values(scene, 0)])

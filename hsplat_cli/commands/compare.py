@@ -18,7 +18,7 @@ _REPORT = OutputPath(dir_okay=False)
 
 
 def _parse_name(_: click.Context, parameter: click.Parameter, name: str) -> Path:
-    """Return the path that an argument names. Raises InputError for an empty name, as an unset variable gives it.
+    """Return the path that an argument names. Raises InputError for an empty name, which an unset shell variable gives.
 
     An empty name would mean the current folder.
     """

@@ -112,7 +112,7 @@ class _VolumeFacts:
     time: _TimeFacts | None
 
     def to_json(self) -> dict[str, object]:
-        """Return the facts as plain data; the suggested sections of a scene are entries beside them."""
+        """Return the facts as plain data; the sections of a scene that are suggested are further entries."""
         found = asdict(self)
         time, transfer = found.pop("time"), found.pop("transfer")
         return {**found, **transfer, "time": time}
@@ -157,7 +157,7 @@ def info(*, volume: Path, as_json: bool, reading: ReadingOptions) -> None:
 
 
 def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
-    """Return a volume's row of a table; if it cannot be read, the row has the reason in place of the shape."""
+    """Return a volume's row of the table of volumes, with the reason in place of the shape if it cannot be read."""
     from renderer.readers import find_volume
 
     row = {"volume": name, "format": "-", "type": "-"}

@@ -80,7 +80,8 @@ def measure(
         return
     if not thorough:
         _reject_options("needs --thorough", _THOROUGH_OPTIONS, _THOROUGH_HINT)
-        sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.at(0).splat,)), 0  # the first pass is timed
+        # With no repeats, the first pass over the frames is timed.
+        sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.at(0).splat,)), 0
     from hsplat_cli.measure import PAGE_FILE, REPORT_FILES, StudyRequest, run_study
     from hsplat_cli.reports import require_own_page
 

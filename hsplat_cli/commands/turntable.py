@@ -132,7 +132,7 @@ def _shared_look(look: Path | None, reference: Path | None) -> SharedLook | None
 
 
 def _given() -> dict[str, object]:
-    """Return the options on films and on reading volumes that the command line gives, by name, in its order."""
+    """Return the options on films and on reading volumes that the command line gives, by name, in a fixed order."""
     context = click.get_current_context()
     names = {field.name for cls in (FilmOptions, ReadingOptions) for field in fields(cls)}
     given = {name for name in names if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}

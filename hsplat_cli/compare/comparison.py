@@ -38,8 +38,8 @@ def compare_frames(
 ) -> Comparison:
     """Compare the frames of two paths and write the reports.
 
-    request, actual: two PNG pictures, folders, templates or films, of which the request names the golden one; or a
-    scene, or a film's sidecar, and the folder of its goldens.
+    request, actual: two PNG pictures, folders, templates or films, of which `request` is the golden one; or a scene, or
+    a film's sidecar, and the folder of its goldens.
     level, limits: the values of `--level` and `--limit`. option_names: the names of these two options in messages.
 
     Raises HsplatError if the paths cannot be compared.

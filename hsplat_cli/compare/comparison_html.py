@@ -40,7 +40,8 @@ MAX_PICTURE_BYTES = 30_000_000
 GAINS = (1, 10, 50)
 # Width and height of the chart of errors, in pixels: as wide as it is shown on the page, so that texts are not scaled.
 _SIZE = (864, 344)
-# The length by which the axis exceeds the range of frame numbers at each end, as a share of this range.
+# The length by which the axis of frame numbers extends beyond the first and the last frame, as a share of the length
+# between these frames.
 _MARGIN = 0.013
 # Largest number of ticks on the axis of frame numbers.
 _MOST_TICKS = 11
@@ -48,7 +49,8 @@ _MOST_TICKS = 11
 _MIN_DENSE_FRAMES = 200
 # Largest height of the chart above the limit, in powers of ten of the limit; larger errors are drawn at its top.
 _MAX_DECADES = 4
-# Colour and dashes of the curves, one for each metric; the colour series-2 is left out, because it marks failures.
+# Colour and dashes of each metric's curve in the chart of errors; the colour series-2 is left out, because it marks
+# failures.
 _STYLES = (
     ("series-1", "none"),
     ("series-3", "7 3"),
@@ -89,7 +91,8 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         size=bytes_text(num_bytes),
         picture_px=PICTURE_PX,
         gains=GAINS,
-        default_gain=GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2],  # the errors of all frames differ visibly
+        # The page opens with the gain of 50 unless it clips an error, else with the gain of 10.
+        default_gain=GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2],
         metrics=[metric for name, metric in COMPARISON_METRICS.items() if any(name in o.figures for o in outcomes)],
         value_text=value_text,
         limit_text=limit_text,
@@ -152,8 +155,8 @@ class GalleryPicture(NamedTuple):
 
     kind: `golden`, `actual` or `difference`.
     pixels: of the kinds `golden` and `actual`, uint8 [h, w, 3 or 4]; None for a side without the frame. Of the kind
-        `difference`, uint8 [h, w, 3]: red and blue are the steps, rounded up, by which the most different channel of a
-        pixel is brighter or darker than in the golden, and green is 0; None if nothing can be compared.
+        `difference`, uint8 [h, w, 3]: red and blue are the grey steps, rounded up, by which the most different channel
+        of a pixel is brighter or darker than in the golden, and green is 0; None if nothing can be compared.
     extent: a text on the part of the frame that is shown; empty for the whole frame.
     """
 

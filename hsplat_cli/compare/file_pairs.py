@@ -35,7 +35,7 @@ from renderer.scene import (
 # Suffixes of picture files that are not compared; a note lists such files.
 _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
-# Kinds of a path, as messages name them.
+# The kinds of paths that can be compared, as messages name them.
 _FOLDER = "a folder"
 _TEMPLATE = "a template of frames"
 _PICTURE = "a PNG picture"
@@ -91,7 +91,7 @@ def _kind(path: Path) -> str:
 
 
 def _files_by_pair(golden: Path, actual: Path, kinds: tuple[str, str]) -> Sequence[dict[str, Path]]:
-    """Return the files of each side, by the names of their pairs."""
+    """Return the golden and the actual files, each by the name of its pair."""
     if kinds == (_TEMPLATE, _TEMPLATE):
         return [
             {frame_path(golden, number).name: path for number, path in _template_files(template).items()}

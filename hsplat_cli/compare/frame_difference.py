@@ -41,7 +41,7 @@ class FrameDifference:
 
     @property
     def signed_steps(self) -> Float32:
-        """Return float32 [h, w]: the signed error of each pixel's worst channel, actual minus golden, in steps."""
+        """Return float32 [h, w]: each pixel's error in its worst channel, actual minus golden, in grey steps."""
         largest = np.abs(self._signed_errors).argmax(axis=2)[..., None]
         steps = np.take_along_axis(self._signed_errors, largest, axis=2)[..., 0].astype(np.float32)
         steps /= _UNITS_PER_STEP
@@ -49,7 +49,7 @@ class FrameDifference:
 
     @property
     def bias(self) -> tuple[float, ...]:
-        """Return the mean signed error of each channel, actual minus golden, in steps."""
+        """Return the mean signed error of each channel, actual minus golden, in grey steps."""
         return tuple((self._signed_errors.mean(axis=(0, 1)) / _UNITS_PER_STEP).tolist())
 
     def metrics(self, names: Iterable[str]) -> dict[str, float]:
@@ -63,11 +63,11 @@ class FrameDifference:
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def largest(self) -> float:
-        """Return the largest error over all pixels and channels, in steps."""
+        """Return the largest error over all pixels and channels, in grey steps."""
         return max(int(self._signed_errors.max()), -int(self._signed_errors.min())) / _UNITS_PER_STEP
 
     def p99(self) -> float:
-        """Return the 99th percentile of the error of each pixel's worst channel, in steps."""
+        """Return the 99th percentile of the error of each pixel's worst channel, in grey steps."""
         return float(np.percentile(np.abs(self._signed_errors).max(axis=2), 99)) / _UNITS_PER_STEP
 
     def densest(self) -> float:
@@ -132,7 +132,7 @@ def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
 def _sums_down(values: Int32) -> Int32:
     """Return the sums of each column over WINDOW_PX consecutive rows, or over all rows if there are fewer.
 
-    Sums over the windows of one channel, after sums along both axes, stay below 2^23, within int32.
+    A sum of one channel over a window, down and then across, stays below 2^23, within int32.
     """
     num = min(WINDOW_PX, len(values))
     sums: Int32 = values[: len(values) - num + 1].copy()

@@ -70,7 +70,7 @@ class Outcome:
     name: the name of the pair. status: one of the words of `Status`. why: the reason in one sentence; every number in
     it has its metric, its unit and its limit. limits: the limits of this frame. figures: errors by the names of
     COMPARISON_METRICS; empty if nothing can be compared. exceeded: the names of the metrics that exceed their limits;
-    the first is the reason. bias: mean signed error of each channel, in steps, actual minus golden.
+    the first is the reason. bias: mean signed error of each channel, in grey steps, actual minus golden.
     """
 
     name: str

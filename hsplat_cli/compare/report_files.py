@@ -75,7 +75,7 @@ class ReportFiles:
             yield
 
     def prepare(self) -> None:
-        """Remove the reports of an earlier comparison, which must not stay if this one fails.
+        """Remove the reports of an earlier comparison, which must not stay if the new comparison fails.
 
         Raises InputError or RenderError if one of the new reports cannot be written.
         """
@@ -96,7 +96,7 @@ class ReportFiles:
         self._write({"--json": failure_json, "--junit": failure_junit}, str(golden), str(actual), why)
 
     def _write(self, makers: Mapping[str, Callable[..., str]], *contents: object) -> None:
-        """Write the requested reports. makers: for each option, a function that returns its report on the contents."""
+        """Write the requested reports. makers: by option, a function that makes the report from `contents`."""
         with staged_files() as write:
             for option, path in self.paths.items():
                 if option in makers:

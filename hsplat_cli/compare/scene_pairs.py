@@ -125,7 +125,7 @@ def open_scene_pairs(request: SceneRequest, folder: Path, rules: Rules, reporter
             expected=f"frame {goldens[0].frame} or others listed in {folder / PROVENANCE_FILE}",
         )
     names = [golden.file for golden in goldens]
-    rules.require_frames(names)  # before rendering
+    rules.require_frames(names)  # an unknown frame is an error before rendering
     with rendered_frames(job, numbers, reporter) as (files, record):
         now = origin_from_record(record)
         notes = [*_origin_notes(provenance, now), *_file_notes(folder, goldens, unlisted), *record.notes]
@@ -137,7 +137,7 @@ def open_scene_pairs(request: SceneRequest, folder: Path, rules: Rules, reporter
 def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
     """Return the content of golden.json, and the pictures in the folder that it does not list.
 
-    Raises InputError if the folder has no golden.json, or has an unlisted picture whose name is a golden's.
+    Raises InputError if the folder has no golden.json, or has an unlisted picture with the name of a golden.
     """
     hint = f"`hsplat golden SCENE {folder}` renders goldens and records their origin"
     try:

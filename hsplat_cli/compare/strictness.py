@@ -13,7 +13,7 @@ Limits = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Strictness:
-    """Holds a named set of limits. purpose: its use, in one sentence."""
+    """Holds a named set of limits. purpose: the use of the set, in one sentence."""
 
     purpose: str
     limits: Limits
@@ -27,8 +27,8 @@ class Strictness:
 # - one value in a thousand rounded differently: densest 0.047, FLIP 0.0003, bias 0.0008.
 #
 # Changes that must pass at `cross-driver`:
-# - splats by softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX: 1 step, densest 0.02; softpipe draws a
-#   splat that the near plane clips 4 steps off, densest 0.66;
+# - splats by softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX: 1 grey step, densest 0.02; softpipe
+#   draws a splat that the near plane clips 4 steps off, densest 0.66;
 # - bricks by llvmpipe, softpipe and a processor without AVX: nothing differs;
 # - bricks with rays moved by 0.0001 pixels: 2 steps, densest 0.05;
 # - one value in five rounded differently: densest 0.45, FLIP 0.009, bias 0.10;
@@ -69,8 +69,8 @@ _UNIT_ERRORS = {"steps": 1.0, "": 0.01}
 def severity(values: Mapping[str, float], limits: Limits) -> float:
     """Return the largest ratio of an error to the error that its limit allows.
 
-    If a limit allows no error, an error of n steps, or n hundredths of FLIP and SSIM, counts as 1 + n: it exceeds the
-    limit, but a far larger error of another metric still counts more.
+    If a limit allows no error, an error of n grey steps, or n hundredths of FLIP and SSIM, counts as 1 + n: it exceeds
+    the limit, but a far larger error of another metric still counts more.
     """
     return max((_share(name, values[name], limit) for name, limit in limits.items() if name in values), default=0.0)
 

@@ -1,7 +1,7 @@
 """Draws the frames of a film: in this process, or on a Dask cluster.
 
-In: a plan and frame numbers. Out: drawn frames in order, with the same bytes from every executor. `open_executor` opens
-an `Executor` of `renderer.job`.
+In: the plan of a film (its stage, and the tolerances of its frames) and frame numbers. Out: drawn frames in order, with
+the same bytes from every executor. `open_executor` opens an `Executor` of `renderer.job`.
 
 - `scheduler.py`: `open_executor` and the executor that uses Dask; `drawing_options.py`: `--scheduler` and `--memory`.
 - `cluster/` uses Dask: `cluster_drawing.py` draws frames ahead and returns them in order, `connection.py` connects to

@@ -34,7 +34,7 @@ def has_splats(measurements: Sequence[Measurement]) -> bool:
 
 
 def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]:
-    """Return the indices of the measurements of each series, in the order of the measurements."""
+    """Return the indices of the measurements of each series of settings that differ only in their tolerances."""
     members: dict[str, list[int]] = {}
     for number, measurement in enumerate(measurements):
         members.setdefault(measurement.setting.series, []).append(number)

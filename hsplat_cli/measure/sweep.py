@@ -37,10 +37,10 @@ from renderer.scene import ErrorSpec, FilmScene, SplatSpec, tolerance_at, with_t
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
-# Largest number of tolerances that are chosen for a series, if the user gives none.
+# Largest number of tolerances that are chosen for each footprint and error measure, if the user gives none.
 _MAX_TOLERANCES = 10
-# Seconds to draw a cell as a splat, by a software renderer on two cores. Only its ratios to the next three numbers
-# matter, which predict the remaining time with it.
+# Seconds to draw a cell as a splat, by a software renderer on two cores. Only the ratios of _PER_CELL, _PER_TRIANGLE,
+# _PER_SAMPLE and _PER_PICTURE matter: they predict the remaining time.
 _PER_CELL = 1e-6
 # Seconds to draw a triangle of a Gouraud splat, by a software renderer on two cores.
 _PER_TRIANGLE = 1.2e-7
@@ -64,9 +64,10 @@ Truths = Sequence[Truth] | Sequence[SampledTruth]
 
 @dataclass(frozen=True)
 class Setting:
-    """Holds the parameters of one measurement, which is a point of a series.
+    """Holds the parameters of one measurement, which is a point on a curve of error over cost.
 
-    series: the name of the curve, such as "gaussian, optical" or "gouraud 8x3, rms, uncorrected".
+    series: the name of the curve, whose points differ in their tolerances, such as "gaussian, optical" or "gouraud 8x3,
+    rms, uncorrected".
     label: the name of the point, such as "tolerance 0.1".
     options: the parameters by name, for tables: tolerance, footprint, ...
     """
@@ -93,7 +94,7 @@ class FrameMeasurement:
 
     @property
     def frame_seconds(self) -> tuple[float, ...]:
-        """Return the sum of all steps, for each repetition."""
+        """Return the seconds of the frame for each repetition, summed over all steps."""
         return tuple(map(sum, zip(*self.seconds.values(), strict=True)))
 
 
@@ -144,7 +145,7 @@ class Measurement:
 
 
 def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
-    """Return the setting of a scene with a constant tolerance; its footprint and error measure name its series."""
+    """Return the setting of a scene with a constant tolerance; its series is named by footprint and error measure."""
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
     tolerance = tolerance_at(error, 0)
@@ -243,8 +244,8 @@ def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[s
 class PlannedSetting:
     """Holds a setting to measure.
 
-    scene: the scene at the setting's constant tolerance and footprint. splat: the section with this footprint. work:
-    the amount of work of a frame, in cells or samples, from `Primitive.work`.
+    scene: the scene at the setting's constant tolerance and footprint. splat: the scene's section `splat`, with this
+    footprint. work: the amount of work of a frame, in cells or samples, from `Primitive.work`.
     """
 
     scene: FilmScene
@@ -253,7 +254,7 @@ class PlannedSetting:
 
     @property
     def tolerance(self) -> float:
-        """Return the constant tolerance."""
+        """Return the tolerance of the setting, the same on all frames."""
         return tolerance_at(self.scene.error, 0)
 
     def picture_key(self) -> Hashable:

@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 # The values of the keys `measure` and `of` in the section `error`, by the words of --measures.
 _MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
-# The field type, which checks the range, of a wanted accuracy, by the name of its metric.
+# For each metric, the field type that checks the range of a wanted accuracy.
 _WANTED: schema.FieldTable = {
     "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB),
     **dict.fromkeys(("rmse", "ssim", "flip"), schema.number_field(above=0, maximum=1)),

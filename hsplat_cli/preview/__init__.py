@@ -1,7 +1,7 @@
 """Shows a scene on a page before its film is made.
 
 In: a film job. Out: one HTML page: frames of the film, the object as it turns, histograms with the visible values
-marked, slices, and variants with the lines that make them.
+marked, slices, and variants of the scene with the lines of YAML that make them.
 
 - `watch.py` draws a scene whenever its file changes; `live_page.py` shows the pictures on an open page, by a file or by
   `server.py`.

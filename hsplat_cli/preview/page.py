@@ -33,7 +33,7 @@ _NUM_TURNED = 24
 _TURN_COLUMNS = 6
 # Longer side of a picture of the turning object, in pixels.
 _TURN_PX = 192
-# Longer side of the pictures of variants, in pixels.
+# Longer side of the pictures of variants of the scene, in pixels.
 _OTHERS_PX = 256
 # Tolerance of pictures of the turning object, unless the scene's tolerance is larger.
 _TURN_TOLERANCE = 0.3
@@ -95,7 +95,7 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
 
 def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, Sequence[Glance]]:
     """Draw some frames of the film with their annotation; find the visible values, and the faults of pictures."""
-    has_text = bool(job.scene.at(0).annotation.entries)  # a text is laid out for larger pictures
+    has_text = bool(job.scene.at(0).annotation.entries)  # texts need a larger picture, which is then reduced
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
     frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.at(0).camera.path))
     with studio.stage(scene) as stage:
@@ -111,7 +111,7 @@ def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | N
 
 
 def _of_layer(visibility: FilmVisibility | None, number: int) -> list[VisibleRange]:
-    """Return the visible ranges of values of the layer with this number; none if they were not measured."""
+    """Return the ranges of values that are visible in the layer `number`; none if they were not measured."""
     return [each for each in visibility.ranges if each.layer in (None, number)] if visibility is not None else []
 
 

@@ -1,4 +1,4 @@
-"""Serves one page and its news to one user of this machine.
+"""Serves one page, and texts that update it, to one user of this machine.
 
 Every user of the machine can connect to the port. Therefore the address has a secret token, and connections that make
 no request are closed.
@@ -26,7 +26,8 @@ _LOOPBACK = "127.0.0.1"
 MAX_CONNECTIONS = 32
 # Seconds that a client has to complete a request, and again to take the answer.
 IDLE_S = 10.0
-# Seconds without a new text after which a connection gets a line without one: writing it detects a closed connection.
+# Seconds without a new text after which a connection gets a line without text: writing the line detects a closed
+# connection.
 _HEARTBEAT_S = 5.0
 
 

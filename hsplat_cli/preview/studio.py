@@ -19,7 +19,8 @@ from renderer.scene import AnnotationSpec, AnyScene, Background, FilmScene, Outp
 from renderer.system import num_cores
 from renderer.volume import Volume
 
-# Tolerance of small pictures where the scene has a goal, as a search for the tolerance that reaches it takes long.
+# Tolerance of small pictures of a scene with an accuracy or a budget as its goal: a search for the tolerance that
+# reaches the goal would take long.
 TOLERANCE = 0.1
 # Largest difference from the background, in grey steps of 255, at which a pixel counts as empty.
 _UNSEEN = 2
@@ -29,7 +30,7 @@ _UNSEEN = 2
 class Shot:
     """Holds a small picture with its caption.
 
-    seen: a description for readers who cannot see the picture. lines: the lines of a scene file that make the picture.
+    seen: a description for readers who cannot see the picture. lines: the lines of YAML that make it.
     """
 
     caption: str
@@ -60,7 +61,7 @@ class Studio:
     ) -> Shot:
         """Draw one frame of a scene, with a caption.
 
-        lines: the lines of a scene file that make the picture. volumes: volumes in place of the scene's volumes.
+        lines: the lines of YAML that make the picture. volumes: volumes in place of the scene's volumes.
         """
         with self.stage(scene, volumes) as stage:
             (drawn,) = self.draw(stage, [frame])
@@ -68,7 +69,7 @@ class Studio:
 
 
 def small_scene(scene: AnyScene, side: int, *, is_annotated: bool = False) -> AnyScene:
-    """Return the scene with a longer side of `side` pixels, and with a tolerance in place of a goal."""
+    """Return the scene with a longer side of `side` pixels, and with a tolerance in place of a goal to reach."""
     output = scene.output
     width, height = (max(1, round(each * side / max(output.size))) for each in output.size)
     small = OutputSpec(Path("{frame}.png"), (width, height), output.frames_per_second, output.background)

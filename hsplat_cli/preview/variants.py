@@ -1,4 +1,4 @@
-"""Draws variants of a scene, each with the lines of a scene file that make it."""
+"""Draws variants of a scene, each with the lines of YAML that make it."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from renderer.statistics import compute_statistics, hounsfield_zero
 from renderer.suggest import VolumeSuggestion, Wish, suggest_read
 from renderer.volume import Volume, sampled_volume
 
-# Factors by which variants multiply the opacity.
+# Factors by which variants of a scene multiply its opacity.
 _FACTORS = (0.5, 1.0, 2.0)
-# Tolerances of variants.
+# Tolerances at which variants of a scene are drawn.
 _TOLERANCES = (1.0, 0.3, 0.1)
-# Number of exact rays that measure the accuracy of a variant at another tolerance.
+# Number of exact rays that measure the accuracy of a scene at each of _TOLERANCES.
 _NUM_RAYS = 512
-# Words of --preset for computed tomography.
+# Values of the option --preset that suit computed tomography.
 _CT_PRESETS = ("bone", "vessels", "skin", "xray")
-# Words of --preset for all other volumes.
+# Values of the option --preset that suit volumes other than computed tomography.
 _PRESETS = ("surface", "xray", "glow")
 # The largest number of voxels along each axis of a volume from which looks are suggested.
 _MOST_LOOKED_AT = 64
 # The largest number of voxels along each axis of a volume that is drawn with other looks.
 _MOST_DRAWN = 128
 
-# Words of --preset, with their suggestions.
+# Values of the option --preset, each with the look that it suggests.
 Looks = Sequence[tuple[str, VolumeSuggestion]]
 
 

@@ -63,7 +63,7 @@ def watch(request: SceneRequest, show: Callable[[State], object], keeps_on: Call
 
 
 def _changes(path: Path, keeps_on: Callable[[], bool]) -> Iterator[tuple[int, ...] | None]:
-    """Yield the mark of a file (see `_mark`), at first and after each change; None while the file is not there."""
+    """Yield the time, size and inode of a file, at first and after each change; None while the file is not there."""
     known: tuple[int, ...] | None = ()
     while keeps_on():
         mark = _mark(path)
@@ -77,7 +77,7 @@ def _changes(path: Path, keeps_on: Callable[[], bool]) -> Iterator[tuple[int, ..
 
 
 def _mark(path: Path) -> tuple[int, ...] | None:
-    """Return the time, size and inode of a file, which tell a change; None if it is not there."""
+    """Return the time, size and inode of a file, which differ after a change; None without the file."""
     try:
         status = os.stat(path)
     except OSError:

@@ -51,8 +51,8 @@ Point = tuple[float, float]
 class Tick(NamedTuple):
     """Marks a number on an axis.
 
-    at: the place on the axis. text: the number as text. note: a text at the end of the tick's line across the chart,
-    which is then strong.
+    at: the place on the axis. text: the number as text. note: a text at the end of the tick's line across the chart; a
+    line with a note is drawn strong.
     """
 
     at: float

@@ -180,6 +180,6 @@ def _editor(record: FilmRecord, path: Path) -> TreeEditor:
         first = {**first, "file": str(film_path_of_sidecar(path, Path(first["file"])))}
         others = [{**each, "file": found_path(str(each.get("file")), path.parent)} for each in others]
         scene["output"] = [first, *others] if others else first
-    options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # the first missing file of a list of files
+    options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # the key of the first file of a list
     hints = {key: f"if it was moved, {option} names it" for key, option in options.items()}
     return TreeEditor(YamlTree(scene), path, path_prefix="scene", hints=hints)

@@ -74,7 +74,7 @@ class SharedLook:
 
     @cached_property
     def scene(self) -> FilmScene:
-        """Return the scene. The path of its volume is replaced by the path of the scene's file, which exists."""
+        """Return the scene. The path of its volume is a placeholder: the path of the scene's file, which exists."""
         return self._editor.parse()
 
     @property
@@ -173,7 +173,7 @@ class SharedLook:
 
 
 def _own_entries(tree: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the sections on a scene's volume; in a list of volumes, the first and each other one with its file."""
+    """Return the sections on a scene's first volume: one, or the entries of a list with the first entry's file."""
     volumes = tree.get("volumes")
     if not isinstance(volumes, list):
         section = tree.get("volume")
@@ -190,7 +190,7 @@ def _own_name(output: OutputFile) -> str:
 
 
 def _given(volume: VolumeSpec) -> dict[str, Any]:
-    """Return the keys of a volume whose values differ from the defaults, with their values, without its source."""
+    """Return the keys of a volume, except for its source, whose values differ from the defaults, with these values."""
     plain = VolumeSpec(volume.source)
     return {key: value for key, value in vars(volume).items() if value != getattr(plain, key)}
 
@@ -205,7 +205,7 @@ def _place_from(folder: Path, base: Path, key: str, name: str) -> str:
 
 
 def _map_layer(section: dict[str, Any], layer: OverFrames[LayerSpec], line: ValueLine) -> None:
-    """Map the values in a layer's section of a scene, of a transfer function or a colour's range, by a line."""
+    """Apply a linear map to the values in a layer's section of a scene: its transfer function or its colour's range."""
     if layer.at(0).color is None:
         mapped = layer.map(lambda each: map_values(each.transfer_function, line))
         section["transfer_function"] = spec_to_dict(mapped)

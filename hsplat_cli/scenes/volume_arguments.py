@@ -252,7 +252,7 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool =
         if isinstance(error, UnknownFormatError):
             error.hint = _headerless_hint(error)
         raise
-    is_open = in_time and volume.time is None and read.num_times > 1  # all steps of the volume are read next
+    is_open = in_time and volume.time is None and read.num_times > 1  # the film reads all steps in time
     if read.note is not None and not is_open:
         reporter.status(f"{read.name}: {_as_options(read.note)}")
     return read

@@ -61,7 +61,7 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
             for number, request in enumerate(remaining)
         ]
         reporter.result(manifest.manifest_table(folder, [*films, *rows]))
-        # Each update removes the entries of films whose scene and volume are gone.
+        # Each update of turntable.json removes the entries of films whose scene and volume are gone.
         missing = [film for film in films if not manifest.has_volume(folder, film)]
         manifest.try_to_update(folder, missing, reporter)
     gallery.finish()
@@ -90,7 +90,7 @@ def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: R
         process = child_processes.start("hsplat_cli", ["turntable", *arguments, *of_film], stdout=subprocess.PIPE)
         try:
             output, _ = process.communicate()
-        except KeyboardInterrupt:  # only this process has received the signal
+        except KeyboardInterrupt:  # the film's process has not received the signal
             process.terminate()
             with suppress(subprocess.TimeoutExpired):
                 process.wait(_TERMINATE_TIMEOUT_S)

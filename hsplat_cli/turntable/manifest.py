@@ -42,7 +42,7 @@ _NOTICE_DELAY_S = 2.0
 # The time between two attempts to take the lock of turntable.json, in seconds.
 _POLL_INTERVAL_S = 0.02
 
-# The keys of an entry that the terminal's table shows, by the titles of their columns.
+# The keys of an entry of turntable.json that the terminal's table shows, by the titles of their columns.
 _COLUMNS = {
     **{name: name for name in ("volume", "status", "kind", "frames", "primitives", "seconds")},
     "file PSNR": "file_psnr",
@@ -53,10 +53,10 @@ _COLUMNS = {
 }
 # The keys whose columns in the terminal's table are aligned to the right.
 _NUMBER_COLUMNS = ("frames", "primitives", "seconds", "file_psnr", "psnr")
-# The keys of an entry whose numbers are shown with one decimal.
+# The keys of an entry of turntable.json whose numbers are shown with one decimal.
 DECIMAL_KEYS = ("psnr", "file_psnr", "seconds")
 
-# The longest time of a film that an entry may have, in seconds: thirty years.
+# The longest time of a film that an entry of turntable.json may have, in seconds: thirty years.
 _MAX_SECONDS = 1e9
 # The largest size of turntable.json, in bytes; an entry has about 500.
 _MAX_BYTES = 2**26

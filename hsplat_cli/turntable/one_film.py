@@ -185,7 +185,7 @@ def write_scene(request: FilmRequest, content: bytes, reporter: Reporter) -> Non
 
 
 def _require_replaceable(request: FilmRequest, content: bytes) -> bool:
-    """Return whether the scene's file has this content. Raises InputError if the file must not be replaced."""
+    """Return whether the scene's file already has `content`. Raises InputError if the file must not be replaced."""
     scene = request.scene
     with translate_os_errors(scene):
         existing = scene.read_bytes() if scene.exists() else None

@@ -38,7 +38,8 @@ _LOGO_FORMATS = ("PNG", "JPEG", "WEBP")
 _MAX_LOGO_PIXELS = 64 * 2**20
 # The largest ratio of width to height of a logo.
 _MAX_LOGO_RATIO = 50
-# The anatomical directions that are not shown (left, posterior, inferior), each with the opposite that is shown.
+# The letters of directions to which no arrow points (left, posterior, inferior), each with the letter of the opposite
+# direction, to which the arrow of this axis points.
 _OPPOSITE = {"L": "R", "P": "A", "I": "S"}
 # The colours of the arrows along the world's x, y and z axes.
 _AXIS_COLORS: tuple[Color, ...] = ((0.95, 0.32, 0.30), (0.30, 0.75, 0.35), (0.30, 0.55, 1.0))
@@ -98,7 +99,7 @@ def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
     for number, (name, color) in enumerate(entries[:MAX_LEGEND_ROWS]):
         line, row = pen.font.line(name, px), round(1.45 * px) * number
         whole.draw(line.mask, row, side + px // 2)
-        # The frame makes a square visible whose colour is like the background.
+        # The rim makes a square visible whose colour is like the background.
         whole.fill(row + line.baseline - side, 0, side, side)
         whole.color(inside, color, row + line.baseline - side + frame, frame)
     if more > 0:

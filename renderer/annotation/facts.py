@@ -13,8 +13,8 @@ class ColorBar:
 
     name, unit: the name of the layer, and the unit of its scalar.
     low, high: the ends of the range.
-    colors, opacities: samples at even distances along the bar, from `low` to `high`. A layer shown by a number of each
-        ray, such as its maximum, has no opacities.
+    colors, opacities: samples at even distances along the bar, from `low` to `high`. A layer that shows one value for
+        each ray, such as the maximum, has no opacities.
     layer: the number of the layer with the transfer function. is_log: whether the samples are evenly spaced in the
         logarithm of the scalar.
     """
@@ -57,8 +57,8 @@ class FrameFacts:
 
     frame: the number of the frame.
     seconds: the time of the frame in the film.
-    time: the time of the step of the volume that is shown, None without steps in time.
-    moving: the scene's values that move, by key.
+    time: the time that the shown volume of a time series has; None without a time series.
+    moving: the scene's values that change from frame to frame, as they are on this frame, by their keys in the scene.
     accuracy: the accuracy of the frame, in words.
     world_per_pixel: the world length of a pixel's side, at the camera's target.
     axes: the view's right, up and backward directions in the world.

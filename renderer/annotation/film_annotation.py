@@ -50,7 +50,8 @@ class FilmAnnotation:
     def covered(self, frame: int, psnr: float | None) -> Bools | None:
         """Return which pixels of a frame's picture its annotation covers, bool [h, w]; None without an annotation.
 
-        The picture is of the first kind. psnr: the PSNR of the frame in decibels, if it was measured.
+        The picture has the size and background of the film's first output. psnr: the PSNR of the frame in decibels, if
+        it was measured.
         """
         stage, kind = self._film.at(frame), self._output.kind.at(frame)
         if not stage.scene.annotation.shows_anything:
@@ -75,7 +76,7 @@ def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
     for kind in film.scene.output.kinds:
         shown = []
         for frame in spread_evenly(frames, _MOST_TRIED, is_loop=False):
-            # The layers of the first frame serve for all frames, because other layers take a while to make.
+            # The layers of the first frame stand for the layers of all frames, which would take a while to make.
             scene = film.scene.at(frame)
             stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
             shown.append(frame_facts(film.scene, stage, frame, kind, _WIDEST_PSNR))

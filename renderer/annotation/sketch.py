@@ -136,7 +136,7 @@ def grown(array: UInt8, before: int, after: int, across: int | None = None) -> U
     """Return an array with zeros around it.
 
     before: the number of rows above the array, and of columns to its left. after: the number of rows below the array,
-    and of columns to its right. across: the number of columns to its right, if that differs.
+    and of columns to its right. across: the number of columns to its right, if it is not `after`.
     """
     more = before + (after if across is None else across)
     larger = np.zeros((len(array) + before + after, array.shape[1] + more, *array.shape[2:]), np.uint8)

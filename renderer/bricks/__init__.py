@@ -5,7 +5,7 @@ tolerance; `BrickBatch`, the cut with a step length for each brick; texels of br
 brick and integrated along each ray (Max 1995).
 
 - `bricks.py`: bricks of all levels, built from voxels and nodes
-- `subvoxel.py`: the curve against which the sub-voxel variation of level 0 is measured
+- `subvoxel.py`: a table of channels by scalar, with which the sub-voxel variation of level 0 is measured
 - `node_statistics.py`: errors, bounds and step error estimates of higher levels, from the nodes of the pyramid
 - `brick_layers.py`: the bricks of layers on one grid of voxels, joined
 - `brick_cut.py`: the bricks drawn at a tolerance, and their number

@@ -59,7 +59,7 @@ def cut_bricks(
     """Return the coarsest bricks whose errors are below `tolerance` (in the measure's unit), none below `finest_level`.
 
     Bricks in which nothing is visible at their level are left out. are_split: tells which bricks are split down to
-    voxels at every tolerance; None for no bricks.
+    voxels at every tolerance; None if no brick is.
     """
     cells, leaves = np.zeros((1, 3), np.int32), []
     for number in range(len(bricks.levels) - 1, -1, -1):
@@ -88,7 +88,7 @@ def _visible_bounds(level: BrickLevel, number: int, cells: Int32) -> Float64:
 def brick_cut_sizes(
     bricks: Sequence[Bricks | BrickLayers], *, finest_levels: Sequence[int], finest_levels_at_zero: Sequence[int]
 ) -> CutSizes:
-    """Return the sizes of all cuts, for the bricks of several groups together.
+    """Return the sizes of all cuts, for the bricks of several groups of layers together.
 
     Sizes may fall a little as cuts get finer. An entry of `counts` is therefore the largest size of its cut and of all
     coarser cuts.

@@ -29,7 +29,7 @@ MIN_BRICKS_PER_THREAD = 8
 def means_of_bricks(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     """Return the means of bricks of a level above 0 and their halos, stored or recomputed.
 
-    cells, and the means: as in `recompute_means`.
+    cells, and the array that is returned: as in `recompute_means`.
     """
     return (recompute_means if level <= STREAMED_LEVELS else stored_means)(pyramid, level, cells)
 
@@ -37,7 +37,7 @@ def means_of_bricks(pyramid: Pyramid, level: int, cells: Int32) -> Array:
 def stored_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     """Return the means of bricks of a level that the pyramid stores, and their halos.
 
-    cells, and the means: as in `recompute_means`.
+    cells, and the array that is returned: as in `recompute_means`.
     """
     of_level = pyramid.levels[level - 1].means
     means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), of_level.dtype)

@@ -82,7 +82,7 @@ class BrickBatch:
     steps: float64 [n], the approximate length of a step in each brick, in cells of the brick.
     screen_sampling: which pixels are drawn, and which are interpolated.
     origin: float64 [3], the world position of the model's origin, the volume's centre.
-    model_unit: the world length of a model unit.
+    model_unit: the world length of a model unit: half of the volume's diagonal.
     extremes: how rays find their extreme scalar; None if samples are composited.
     face_step: the longest step near a face that clipping cuts, in voxels.
     """
@@ -111,7 +111,7 @@ def make_brick_batch(cut: BrickCut, bricks: BrickLayers, *, tolerance: float, vo
     largest_change = widest if pyramid.of == "scalar" and widest > 0 else 1.0
     thinnest = float((volume.spacing / volume.finest_spacing * volume.shape_xyz).min())
     finest = int(cut.levels.min(initial=len(bricks.levels)))
-    # The optical depth of a cell, about: the step error estimate if the error measure is `optical`; if not, the largest
+    # About the optical depth of a cell: the step error estimate if the error measure is `optical`; if not, the largest
     # depth of a voxel of the volume.
     densest = sum(layer.weight * layer.bricks.transfer.max_extinction for layer in bricks.layers)
     depths = np.full(len(cut), densest * volume.finest_spacing)

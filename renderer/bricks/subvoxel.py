@@ -18,8 +18,8 @@ from renderer.volume import Float64, Int64
 # the largest channel: colormaps have hundreds of control values, nearly on a line. The kernel's sub-voxel variation D
 # changes by at most four times this share.
 SIMPLIFICATION_TOLERANCE = 2.0**-12
-# Curves with more control values than this are not simplified. Only labels have so many: their steps are not on a line,
-# and the search would take a minute.
+# Transfer functions with more control values than this are not simplified. Only labels have so many: their steps are
+# not on a line, and the search would take a minute.
 _MAX_SIMPLIFIED = 2**13
 
 
@@ -30,7 +30,7 @@ def make_channel_curve(
     brightest: float,
     volume_range: tuple[float, float],
 ) -> TransferTable:
-    """Return the simplified table of (tau c, tau) times the finest spacing.
+    """Return the simplified table of (tau c, tau) times the finest spacing, as a function of the scalar.
 
     opacity: whether the table is of (a c, a) instead, with the opacity a. brightest: a factor on colours.
     volume_range: the range of the volume's scalars. The table's scale makes all differences of scalars finite.

@@ -114,7 +114,7 @@ def require_writable_dry_run(path: Path) -> None:
             path.lstat()  # raises an error if the name is too long
         _require_replaceable(path)
         folder = _nearest_existing_parent(path)
-        if not folder.is_dir():  # it may be a broken link
+        if not folder.is_dir():  # a file or a broken link may have the folder's name
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
         if _is_kernel_filesystem(path):
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
@@ -188,7 +188,8 @@ def _is_kernel_filesystem(path: Path) -> bool:
 
 
 def _temporary_path(path: Path, folder: Path | None = None) -> Path:
-    # The name is random, as frames in different folders, and programs on other machines, must not share a file.
+    # The name is random, so that frames of different folders, and programs on other machines, never share a
+    # temporary file.
     return (folder or path.parent) / f".{path.name}.partial-{os.urandom(4).hex()}"
 
 

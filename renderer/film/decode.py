@@ -75,8 +75,8 @@ def decode_film(
     """Yield an iterator over the frames of a film in order: [h, w, 4], or [h, w, 3] for codecs without alpha.
 
     The process of ffmpeg that decodes them ends with the block.
-    known: the output of the film, and its number of frames. If it is None, pictures have 8 bits, and equal consecutive
-        frames of a WebP come once.
+    known: the settings with which the film was encoded, and its number of frames. If they are None, pictures have 8
+        bits a channel, and equal consecutive frames of a WebP come once.
 
     Raises InputError if the file has another format than its suffix, is cut off, cannot be decoded to its end, or has
     frames with more than `max_pixels`, which ffmpeg refuses before it allocates them; RenderError without ffmpeg. Not
@@ -105,7 +105,7 @@ def _arguments(path: Path, begin: bytes, max_pixels: int, known: tuple[OutputFil
     has_alpha = bool(codec.with_alpha) or file_format.filters == "palette"
     depth = known[0].kind.depth if known else 8
     to_rgb = _TO_RGB.format({8: ("rgb24", "rgba"), 16: ("rgb48be", "rgba64be")}[depth][has_alpha])
-    if known and known[1] > 1 and codec.merges_frames:  # a single frame may have no duration
+    if known and known[1] > 1 and codec.merges_frames:  # the only frame of a film may have no duration
         output, num_frames = known
         to_rgb += f",loop={num_frames - 1}:1" if still else f",fps={frame_rate(output)}"
     picked = ["-map", "0:v:0", "-vf", to_rgb]

@@ -35,7 +35,7 @@ _TO_PALETTE = (
 )
 # The filter that splits RGBA into a film of colours and a grey film of alpha, as AVIF stores alpha as a second film.
 _TO_PLANES = "[0:v]split[all][same];[all]{0}[colors];[same]alphaextract,format=gray,setparams=range=full:{1}[alpha]"
-# The tags in a film about its colour space, for the grey film of alpha in an AVIF.
+# The parameters of ffmpeg's filter `setparams` that name the colour space of the grey film of alpha in an AVIF.
 _GREY_COLORS = "color_primaries=bt709:color_trc=bt709:colorspace=bt709"
 # The shortest delay of a GIF's frame, in hundredths of a second. Browsers show a frame with a shorter delay for 10.
 _SHORTEST_GIF_DELAY_CS = 2

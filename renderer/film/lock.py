@@ -51,7 +51,7 @@ def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> I
     """
     slots, names = defaultdict[Path, set[int]](set), dict[Path, Path]()
     for each in output.shown(frames):
-        folder = unfinished_folder(each)  # two templates may share a folder
+        folder = unfinished_folder(each)  # two templates of numbered files may share this folder
         slots[folder].update(filter(each.shows, frames) if each.is_numbered else [0])
         names.setdefault(folder, each.file)
     with contextlib.ExitStack() as stack:
@@ -199,7 +199,7 @@ def _require_regular(file: Path) -> None:
 def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
     """Permit all users who may write in the folder to lock the file, as the file stays if its job is killed.
 
-    descriptor: of the lock file, which this user has just made.
+    descriptor: the descriptor of the lock file, which this user has just made.
     """
     with contextlib.suppress(OSError):  # some file systems have no owners
         status = folder.stat()

@@ -22,8 +22,8 @@ Pixels = npt.NDArray[Any]
 class Picture:
     """A read-only picture, made from its pixels or from a file: EXR for floats, else PNG.
 
-    It is made of exactly one of these. pixels: the pixels, as `quantize` returns them. content: the content of the
-    file. file: the path of the file, which is read on demand.
+    Exactly one argument is given. pixels: the pixels, as `quantize` returns them. content: the content of the file.
+    file: the path of the file, which is read on demand.
     """
 
     def __init__(self, pixels: Pixels | None = None, *, content: bytes | None = None, file: Path | None = None) -> None:

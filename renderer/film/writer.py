@@ -39,9 +39,10 @@ def open_films(
     Files get their final names at the end of the block, one by one, when all are written. If the block raises, nothing
     is written. Films wait for the disk before they are renamed. Frames in files do not, as their digests show damage.
 
-    kinds: the kinds of pictures of an OutputSpec. is_locked: whether the outputs have folders for unfinished work, in
-    which incomplete files lie; otherwise they lie beside the outputs. before_rename: a function that is called when
-    everything is written, before files get their final names.
+    kinds: the kinds of pictures (size, background, depth) of all outputs of the scene, by their indices.
+    is_locked: whether the outputs have folders for unfinished work, in which incomplete files lie; otherwise incomplete
+        files lie beside the outputs.
+    before_rename: a function that is called when everything is written, before files get their final names.
     """
     films = [each for each in outputs if not each.is_frames]
     folders = {each.file: unfinished_folder(each) if is_locked else None for each in outputs}
@@ -66,7 +67,7 @@ def open_films(
 
 
 def film_notes(output: OutputSpec) -> list[str]:
-    """Return notes on formats that cannot have the requested frame rate, and on outputs of smaller size."""
+    """Return notes on formats that cannot have the requested frame rate, and on outputs smaller than the first."""
     notes = []
     for each in output.files:
         rate = frame_rate(each)

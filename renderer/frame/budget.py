@@ -27,33 +27,35 @@ from renderer.scene import tolerance_at
 _TYPICAL_WRITING = 2e-3
 # The number of the last frames of a film from which the present speed of the machine is found, as a median.
 _NUM_RECENT = 9
-# The smallest number of trial drawings. A single size would not show how seconds grow with the size.
+# The smallest number of trial drawings, each at another LOD. A single LOD would not show how seconds grow with its
+# size.
 _MIN_TRIALS = 3
 
 # The share of its budget of seconds that a frame is meant to take.
 _TARGET_SHARE = 0.95
 # A frame keeps the LOD of the frame before if it is predicted to take nearly the expected share of its budget of
-# seconds: the natural logarithms of both shares differ by at most this.
+# seconds: the natural logarithms of the predicted and the expected share differ by at most this.
 _BAND = 0.13
-# An LOD stays for at least this number of frames, however long they take, while the budget stays.
+# An LOD stays for at least this number of frames, however long they take, while the budget of seconds is the same.
 _MIN_FRAMES = 5
-# The search for an LOD ends when the predicted time deviates from the meant time by at most this share of it.
+# The search for an LOD ends when the predicted seconds of a frame deviate from the wanted seconds by at most this
+# share of the wanted seconds.
 _TARGET_DEVIATION = 0.04
-# The largest number of LODs that a search makes.
+# The largest number of LODs that the search for the finest LOD in time makes.
 _MAX_TRIES = 5
-# The exponent that bounds a change of size: if a frame takes f times its budget of seconds, or an f-th part of it, the
-# size changes by a factor of at most f^_SIZE_EXPONENT.
+# The exponent that bounds a change of an LOD's size: if a frame takes f times its budget of seconds, or an f-th part of
+# it, the size of the next LOD differs by a factor of at most f^_SIZE_EXPONENT.
 _SIZE_EXPONENT = 3.0
-# The seconds of a frame are taken to grow with a power of the size that is at least this: the time for a few large
-# cells depends more on their pixels than on their number.
+# The seconds of a frame are taken to grow with a power of its LOD's size. The exponent is at least this: the time for
+# a few large cells depends more on their pixels than on their number.
 _MIN_POWER = 0.1
-# The seconds of a frame are taken to grow with a power of the size that is at most this: the time for many small
-# cells is in proportion to their number.
+# The seconds of a frame are taken to grow with a power of its LOD's size. The exponent is at most this: the time for
+# many small cells is in proportion to their number.
 _MAX_POWER = 1.0
-# The smallest and the largest size of a search for a size, if all sizes are allowed.
+# The smallest and the largest size of the LODs that a search may choose, if all sizes are allowed.
 _ANY_SIZE = 0.0, math.inf
 
-# The steps of a frame that are not drawing.
+# The names of the timed steps of a frame that do not count as drawing.
 _OTHER_STEPS = ("cut", "primitives", "edges", "order", "written")
 # A drawing counts as taking at least this many seconds, even if the clock stood still.
 _MIN_SECONDS = 1e-9
@@ -70,12 +72,13 @@ class LODCostEstimator:
         self.stage, self.primitive = stage, make_primitive(stage.at(0))
         self._fixed, self._rate = 0.0, 1.0
         self._trials: list[tuple[float, float]] = []  # typical and measured seconds to draw each trial
-        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # as _trials, for the last frames
+        # typical and measured seconds to draw each of the last frames
+        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)
         self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # seconds to write the last frames
-        self._seen: dict[float, tuple[float, float]] = {}  # by size: the typical seconds, and the seconds of sorting
+        self._seen: dict[float, tuple[float, float]] = {}  # typical seconds to draw, and to sort, by size
 
     def size(self, lod: LOD) -> float:
-        """Return the size of an LOD, as its primitive defines it."""
+        """Return the size of an LOD, as its kind of primitive (splats or bricks) defines it."""
         return self.primitive.lod_size(lod.tolerance, lod.num_cells)
 
     def make_draw_list(self, number: int, tolerance: float, watch: Stopwatch) -> DrawList:
@@ -114,7 +117,8 @@ class LODCostEstimator:
     def record_frame(self, draw_list: DrawList, watch: Stopwatch, *, is_first: bool = False) -> None:
         """Record a frame that has just been drawn and written.
 
-        is_first: whether it is the first frame of its LOD. Its uploads serve later frames and do not count.
+        is_first: whether it is the first frame of its LOD. Its seconds of uploading splats or bricks to the device do
+            not count, as later frames of the LOD need no upload.
         """
         self._writing.append(watch.lap("written"))
         others = (*_OTHER_STEPS, UPLOAD_STEP) if is_first else _OTHER_STEPS
@@ -127,8 +131,8 @@ class LODCostEstimator:
     def size_for_seconds(self, seconds: float) -> float:
         """Return the size at which a frame is expected to take `seconds`, from the frames predicted so far.
 
-        Between two known sizes, seconds follow a power of the size. Beyond the known sizes, the power of the nearest
-        two is kept.
+        Between two sizes with predictions, seconds follow a power of the size. Beyond all of them, the power between
+        the nearest two holds.
         """
         seen = sorted(self._seen.items())
         sizes = np.log([size for size, _ in seen])
@@ -208,10 +212,10 @@ def find_finest_in_time(
 
 
 def _badness(share: float) -> tuple[bool, float]:
-    """Return a key that is the larger, the worse a predicted time fits the meant time.
+    """Return a key that is the larger, the worse the predicted seconds of a frame fit the wanted seconds.
 
-    share: the predicted time, divided by the meant time. A share whose logarithm is above _BAND is worse than any
-    smaller share.
+    share: the predicted seconds, divided by the wanted seconds. A share whose logarithm is above _BAND is worse than
+    any smaller share.
     """
     off = math.log(share)
     return off > _BAND, abs(off)

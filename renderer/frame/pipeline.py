@@ -54,7 +54,8 @@ _MOST_SAMPLED_LAYERS = 9
 # The largest number of frames of a film in motion whose cameras decide how far away the camera is.
 _MOST_SAMPLED_CAMERAS = 1000
 # The longest side, in voxels, of a volume that counts as small. Its splats may reach beyond the margin of the picture,
-# so that the camera is moved away from it. Larger volumes are framed alike for all footprints, which can be compared.
+# so that the camera is moved away from it. Larger volumes are framed alike for all footprints, so that their pictures
+# can be compared.
 _MAX_SIDE_OF_SMALL = 24
 
 
@@ -126,7 +127,7 @@ def render_frames(
 
 
 def _clip_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield a problem for each plane or box, fixed to the object, that leaves nothing of the volumes that it clips."""
+    """Yield a problem for each clip plane or box, fixed to the object, that leaves nothing of its volumes."""
     for number, clip in _still_clips(scene.map(lambda each: each.clip)):
         if all(_leaves_nothing(clip, volume) for volume in volumes):
             yield _clip_problem(f"clip.{number}", volumes[0])
@@ -137,7 +138,7 @@ def _clip_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Prob
 
 
 def _still_clips(clips: OverFrames[tuple[ClipSpec, ...]]) -> Iterator[tuple[int, ClipSpec]]:
-    """Yield the planes and boxes that do not move, with their numbers."""
+    """Yield the clip planes and clip boxes that do not move during the film, with their numbers."""
     for number, clip in enumerate(clips.at(0)):
         if not clips.map(itemgetter(number)).moves:
             yield number, clip
@@ -189,7 +190,7 @@ def _framing(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> 
 
 
 def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vector:
-    """Return the target of a camera: its own, or the centre of the visible cells or of the volumes.
+    """Return the target of a camera: the one in the scene, else the centre of the visible cells or of the volumes.
 
     points: the corners of visible cells that must be in frame.
     """
@@ -204,14 +205,14 @@ def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vec
 
 
 def _other_points(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[tuple[Float64, float]]:
-    """Yield, for some frames of a film in motion except the first, the positions that must be in frame.
+    """Yield what `points_in_frame` returns, for some frames of a film in motion, without the first frame.
 
-    Each is a pair, as `points_in_frame` returns it. layers: the layers of the first frame.
+    layers: the layers of the first frame.
     """
     tolerance, known = min_tolerance(scene.error), [layer.digest for layer in layers]
     for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
         sampled = scene.at(frame)
-        if maker.digests_of(sampled, tolerance) != known:  # shading takes time, and makes no cell visible
+        if maker.digests_of(sampled, tolerance) != known:  # without shading, which takes time and makes no cell visible
             sampled = sampled.with_layers(shading=None)
         yield points_in_frame(sampled, maker.layers_of(sampled, tolerance))
 

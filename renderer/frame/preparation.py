@@ -79,7 +79,10 @@ class StageMaker:
         return self.stage_of(scene, layers, target, scene.camera.distance or film.distance)
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]:
-        """Return the volume of each layer of a scene. Equal volumes are read once. Raises InputError if that fails."""
+        """Return the volume of each layer of a scene, read once if volumes are equal.
+
+        Raises InputError if a volume cannot be read.
+        """
         keys = [volume_key(layer) for layer in scene.layers]
         if keys == self.volumes[0]:
             return self.volumes[1]
@@ -239,11 +242,11 @@ def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, flo
 def _framed_points(layer: Layer, clip: tuple[ClipSpec, ...] | None) -> tuple[Float64, float]:
     """Return, for one layer, the positions that must be in frame and the share of a picture that is left out.
 
-    clip: planes and boxes whose removed parts need not be in frame, besides the layer's own; None to frame the whole
-        layer.
+    clip: clip planes and boxes whose removed parts need not be in frame, besides the layer's own; None to frame the
+        whole layer.
     """
     region = None if clip is None else place_object_clips(layer.volume, clip + layer.spec.clip)
-    if layer.projection is not None:  # a single voxel may be the brightest on a ray
+    if layer.projection is not None:  # no voxel may be left out, as any may be the brightest on a ray
         return visible_points(layer.pyramid, region), 0.0
     return framed_points(layer.pyramid, region)
 

@@ -149,7 +149,7 @@ class Stage(FilmStage):
             yield None if region is None else partial(are_near_faces, region, group.volume)
 
     def draws_voxels_only(self, number: int) -> bool:
-        """Return whether a group is drawn as voxels at every tolerance, as its light depends on the view.
+        """Return whether a group of layers is drawn as voxels at every tolerance, as its light depends on the view.
 
         Larger cells cannot hold such light. number: the number of the group.
         """
@@ -185,7 +185,7 @@ def view_of(film: FilmStage, frame: int) -> View:
 
 
 def finest_level_at(stage: Stage, tolerance: float, number: int = 0) -> int:
-    """Return the finest level of the cells that are drawn at a tolerance. number: the number of the group."""
+    """Return the finest level of the cells of a group of layers at a tolerance. number: the number of the group."""
     if stage.draws_voxels_only(number):
         return 0
     return max(stage.scene.error.finest_level, stage.resolutions[number].finest_level if tolerance > 0 else 0)

@@ -66,7 +66,7 @@ class FrameCheckpoint(FrameStore):
     folder: the folder of the unfinished film; it exists.
     fingerprint: the fingerprint of the film. Frames with another fingerprint are removed.
 
-    records: the records of finished frames, by number. Each has the `digest` of its file, which matches.
+    records: the records of finished frames, by number. The file of each frame has the digest in its record.
     former: the data of the fingerprint that removed frames had; empty if it is no longer known, None if no frame was
         removed.
     num_outdated: the number of removed frames.
@@ -158,7 +158,7 @@ def remove_checkpoint_frames(
         found = _read_frame(folder / f"{number}.json")
         return found is None or found[0] == of.frames_digest
 
-    with contextlib.suppress(OSError):  # the folder has vanished, and nothing is left
+    with contextlib.suppress(OSError):  # the folder may have vanished
         files = [(path, name[1]) for path in folder.iterdir() if (name := _FILE_PATTERN.fullmatch(path.name))]
         unwanted = set(filter(is_unwanted, {number for _, number in files}))
         for path, number in files:

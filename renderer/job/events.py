@@ -39,7 +39,7 @@ class JobEvents:
         """Take note that one of the frames of a pass is stored and written to the film. record: its record."""
 
     def predicted(self, forecast: Forecast) -> None:
-        """Take note of the cost of a long pass, as predicted from its first frames."""
+        """Take note of the seconds and bytes that a long pass will cost, as predicted from its first frames."""
 
     def pass_finished(self, summary: str) -> None:
         """Take note that a pass is finished, and is a whole film. summary: a line on its accuracy, cells and time."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from renderer.accuracy import FrameProber
 
 
-# The names of the steps that finish a drawn frame, while the next frame is drawn.
+# The names of the timed steps that measure a drawn frame and make its pictures, while the next frame is drawn.
 FINISHING_STEPS = ("probe", "pictures")
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # these rooms load numpy, which a listener does not need
+if TYPE_CHECKING:  # these packages load numpy, which a listener to a job does not need
     from renderer.accuracy import Glance
     from renderer.draw import BrickMemory
 

@@ -78,7 +78,7 @@ def _picture_folders(scene: FilmScene) -> Iterator[Path]:
     sources = [volume.source for layer in scene.at(0).layers for volume in layer.volumes.values()]
     for source in (source for source in sources if isinstance(source, FileSource)):
         for folder in filter(os.path.isdir, source.steps or (source.file,)):
-            with contextlib.suppress(InputError, OSError):  # the reader reports the error
+            with contextlib.suppress(InputError, OSError):  # the reader of volumes reports the error later
                 found, form, _ = find_volume(folder)
                 if form == "pictures":
                     yield found
@@ -98,14 +98,14 @@ def _may_be_dicom(path: Path) -> bool:
 
     with contextlib.suppress(InputError, OSError):
         return is_dicom(path)
-    return True  # it cannot be read; the reader of volumes reports the error
+    return True  # the file cannot be read; the reader of volumes reports the error later
 
 
 def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
     """Yield the files of the only volume below a folder or, if the volume is the folder's pictures, these pictures."""
     from renderer.readers import find_volume, slices_of_pictures
 
-    with contextlib.suppress(InputError, OSError):  # the reader reports the error
+    with contextlib.suppress(InputError, OSError):  # the reader of volumes reports the error later
         found, form, _ = find_volume(folder)
         if found != folder:
             yield from volume_files(VolumeSpec(FileSource(found)))
@@ -140,7 +140,7 @@ def header_data_files(header: Path) -> list[Path]:
 def _header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
     from renderer.readers import header_and_voxel_files
 
-    with contextlib.suppress(InputError, OSError):  # the reader reports the error
+    with contextlib.suppress(InputError, OSError):  # the reader of volumes reports the error later
         if file.is_file():  # opening a pipe would wait for its writer
             return header_and_voxel_files(file)
     return file, []

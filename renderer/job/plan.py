@@ -67,7 +67,7 @@ def make_plan(
     events: JobEvents,
     on_step: Callable[[], None] = lambda: None,
 ) -> FilmPlan:
-    """Find the tolerances for the goal of the scene, if it has one. The listener is told each trial of a search.
+    """Find the tolerances for the goal of the scene, if it has one. The listener gets a note on each trial of a search.
 
     rasterizer: a function that opens the rasterizer for trial frames; called for goals of accuracy and of time.
     on_step: called before each trial drawing; an error that it raises ends the search.
@@ -115,7 +115,7 @@ def search_tolerances(
 ) -> FoundTolerances:
     """Search, by exact rays, for the coarsest tolerances at which the frames have this accuracy.
 
-    The listener is told each trial. on_step: called after each trial; an error that it raises ends the search.
+    The listener gets a note on each trial. on_step: called after each trial; an error that it raises ends the search.
     """
     from renderer.accuracy import ExactRays, find_tolerances
 
@@ -176,7 +176,7 @@ def schedule_record(
 
 
 def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
-    """Return the record of the search for an accuracy, if there was one."""
+    """Return the record of the search for the tolerances of an accuracy; None if there was no search."""
     found = plan.found
     if found is None:
         return None

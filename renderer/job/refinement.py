@@ -124,7 +124,7 @@ class Refiner:
     """A planner of passes, which plans each pass by the times of the frames before it.
 
     deadline: the time, by `perf_counter`, at which the last pass must be finished. passes: the records of the passes
-    that are finished. made: the result of the last of them; None before the first is finished.
+    that are finished. made: the result of the last finished pass; None before the first is finished.
     """
 
     def __init__(self, film: FilmInProgress, deadline: float) -> None:
@@ -300,8 +300,8 @@ class Refiner:
 def _next_frame_seconds(before: float, last: float) -> float:
     """Return the seconds of a frame of the next pass.
 
-    before: the seconds of a frame of the pass that is finished. last: the seconds of a frame of the last pass. They are
-    divided by _PASS_FACTOR as often as the result stays at least _MIN_PASS_FACTOR times as long as `before`.
+    before: the seconds of a frame of the pass that is finished. last: the seconds of a frame of the last pass.
+    The result is `last`, divided by _PASS_FACTOR as often as it stays at least _MIN_PASS_FACTOR times `before`.
     """
     wanted = last
     while wanted / _PASS_FACTOR >= _MIN_PASS_FACTOR * before:
@@ -334,7 +334,7 @@ class ComparedFrames(FrameStore):
         return super().save(frame)
 
     def finish_pass(self) -> DifferenceRecord | None:
-        """Return the root mean square difference from the pass before, of pixels and channels in [0, 1].
+        """Return the root mean square difference of frames (channels in [0, 1]) from the pass before.
 
         Return None for the first pass.
         """

@@ -152,5 +152,5 @@ def kernels() -> signatures.Kernels:
 
 @cache
 def _thread_of_long_kernels() -> ThreadPoolExecutor:
-    """Return the thread that runs the long kernels of the main thread."""
+    """Return the pool of one thread, which runs the long kernels that the main thread calls."""
     return start_threads(1, "hsplat-kernels")

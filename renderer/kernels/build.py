@@ -44,8 +44,8 @@ TARGETS = {
     "macos-x86_64": "x86_64-macos.11.0",
     "macos-aarch64": "aarch64-macos.11.0",
 }
-# The flags of the compiler in every build. Without contraction and fast mathematics, results have the same bytes at
-# every level. Without -g0, objects are ten times larger.
+# The flags of the compiler in every build. Without fused products and sums, and without fast mathematics,
+# results have the same bytes at every level. Without -g0, objects are ten times larger.
 _FLAGS = (
     *("-c", "-x", "c++", "-std=c++20", "-O3", "-g0", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off"),
     *("-fno-math-errno", "-fno-trapping-math", "-fwrapv", "-fno-exceptions", "-fno-rtti", "-fno-stack-protector"),
@@ -125,7 +125,7 @@ def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bo
         objects["processor"] = [pool.submit(compile_source, SOURCES / "base" / "processor.cc", lowest)]
         libraries = [link(name, [one.result() for one in made]) for name, made in objects.items()]
     for other in set(out.glob("*.so")).difference(libraries):
-        other.unlink()  # an older library: nothing says which sources it was built from
+        other.unlink()  # a library of an earlier build, perhaps of other sources
     _write_manifest(out)
     return libraries
 
@@ -139,7 +139,7 @@ def _compiler(target: str, cpu: str) -> list[str]:
 def _linker(target: str, library: Path) -> list[str]:
     if "CXX" in os.environ:
         return [os.environ["CXX"], "-shared", "-nostdlib", "-o", str(library)]
-    # `zig c++` would first compile its own C library, for minutes.
+    # `zig build-lib` links, as `zig c++` would first compile its own C library, for minutes.
     options = ("-dynamic", "-fstrip", "-fno-compiler-rt", "-fno-ubsan-rt", "-fallow-shlib-undefined")
     return [sys.executable, "-m", "ziglang", "build-lib", "-target", TARGETS[target], *options, f"-femit-bin={library}"]
 

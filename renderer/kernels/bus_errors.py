@@ -21,8 +21,8 @@ def guarded_regions() -> npt.NDArray[np.int64]:
 
     A guarded region maps a file: reads beyond the end of the file give zeros there. The table is int64 [n, 4]. A row
     has the address of the region's first byte, the address after its last byte (0 if the row is free), the file's
-    descriptor, and the file's length. Both addresses are on page borders. Set the second number last. The table lives
-    as long as the process.
+    descriptor, and the file's length. Both addresses are on page borders. The address after the last byte must be set
+    last, as it makes the row valid. The table lives as long as the process.
     """
     regions = np.zeros((_MOST if sys.platform == "linux" else 0, 4), np.int64)
     if len(regions):

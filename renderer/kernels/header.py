@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# The dtypes that an array of any dtype may have. Kernels get the position of a dtype in this tuple (`with_array` in
-# arrays.h).
+# The dtypes that arrays may have where a kernel does not fix the dtype. Kernels get the position of an array's dtype in
+# this tuple (`with_array` in arrays.h).
 DTYPES = tuple(np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"))
 
 # For each number type of C++, its letter in Python's `struct`, its dtype, and the type of Python that fills it.
@@ -101,7 +101,7 @@ class _Array(Type):
             raise TypeError(f"{value.dtype} [{value.ndim}], expected {expected}")
         if value.shape[value.ndim - len(self._last) :] != self._last:
             raise ValueError(f"shape {value.shape}, expected the last sizes {self._last}")
-        flags = value.flags  # not `aligned`: arrays from another process or from a file may lie at any address
+        flags = value.flags  # alignment is not required: arrays from a file or another process may lie anywhere
         if not flags.c_contiguous or self._is_written > flags.writeable:
             raise ValueError("not contiguous, or read-only where the kernel writes")
         kept.append(value)

@@ -183,13 +183,14 @@ class VisibleNodes(NamedTuple):
     cells: NDArray[np.int32]
     # [n]: the number of voxels of each node; empty if the caller needs no numbers.
     sizes: NDArray[np.int64]
-    # [3]: the number of visible nodes on each level of the groups.
+    # [3]: the number of visible nodes on each level, over all groups: of lowest nodes, of parents, and of roots.
     counts: NDArray[np.int64]
-    # [groups, 4]: the means of the channels of each group's root, visible or not.
+    # [groups, 4]: the means of the channels of the root of each group of 73 nodes, visible or not.
     root_means: NDArray[np.float32]
-    # [groups, channels]: the means of each group's root, in the channels that errors are measured on.
+    # [groups, channels]: the means of the root of each group of 73 nodes, in the channels that errors are measured on.
     root_error_means: NDArray[np.float64]
-    # [groups, channels]: the variances of each group's root, in the channels that errors are measured on.
+    # [groups, channels]: the variances of the root of each group of 73 nodes, in the channels that errors are measured
+    # on.
     root_variances: NDArray[np.float64]
 
 
@@ -282,7 +283,7 @@ class PiecewiseTransfer(NamedTuple):
     # [GUIDE_SIZE]: a scalar u >= b / GUIDE_SIZE lies in segment guide[b] or later. A scalar u < 0 lies in the first
     # segment.
     guide: NDArray[np.int32]
-    # The u below which no scalar is visible.
+    # The normalized scalar u below which no scalar is visible.
     lowest_visible: float
 
 
@@ -407,13 +408,14 @@ class RaySetup(NamedTuple):
 
     # [3, 3]: the matrix from (1, x, y) to the origin of a ray, in index space relative to the volume's centre.
     origins: NDArray[np.float64]
-    # [3, 3]: the matrix to directions of rays, in index units per model unit of depth in perspective, and per model
-    # unit of length otherwise.
+    # [3, 3]: the matrix from (1, x, y) to directions of rays, in index units per model unit (half the largest volume's
+    # diagonal): per unit of depth in perspective, and of length otherwise.
     directions: NDArray[np.float64]
     # The slope of a ray per pixel of distance from the image's centre: at (x, y), a ray's length per unit of depth is
     # `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     slope_per_px: float
-    # The distance from the origin at which rays start, on the near plane, in model units along the direction.
+    # The distance from the origin at which rays start, on the near plane, in model units (half the largest volume's
+    # diagonal) along the direction.
     start: float
     # The position (x, y) of the image's centre, in pixels.
     center_px: NDArray[np.float64]
@@ -422,17 +424,20 @@ class RaySetup(NamedTuple):
 
 
 class ModelView(NamedTuple):
-    """A view of a model: where the eye is, and how points are projected to pixels. Lengths are in model units."""
+    """A view of a model: where the eye is, and how points are projected to pixels. Lengths are in model units (half the
+    volume's diagonal).
+    """
 
-    # [3, 4]: the rotation and translation from the model to the view, in model units.
+    # [3, 4]: the rotation and translation from the model to the view, in model units (half the volume's diagonal).
     view_from_model: NDArray[np.float64]
     # Whether the projection is in perspective; orthographic otherwise.
     perspective: bool
-    # The focal length in pixels in perspective; otherwise the number of pixels in a model unit.
+    # The focal length in pixels in perspective; otherwise the number of pixels in a model unit (half the volume's
+    # diagonal).
     scale_px: float
     # The image's width and height, in pixels.
     size: tuple[int, int]
-    # The depth of the near plane, in model units; nothing nearer to the eye is drawn.
+    # The depth of the near plane, in model units (half the volume's diagonal); nothing nearer to the eye is drawn.
     near: float
     # The largest slopes |x| / depth and |y| / depth, across and down the image. The footprint of a splat with a larger
     # slope is linearised as one with these slopes.

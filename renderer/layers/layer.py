@@ -61,7 +61,7 @@ def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
 
 
 def parts_over_frames(film: FilmScene, number: int) -> OverFrames[tuple[Any, ...]]:
-    """Return the parts of a scene that a layer of a film is made from, over all frames.
+    """Return a map from frames to the parts of a film scene that one of its layers is made from.
 
     Which parts these are is decided on the first frame, as by `layer_parts`. number: the layer's index in the film.
     """

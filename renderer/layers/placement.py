@@ -61,7 +61,7 @@ def _placed_by_frame(
 def _placed(volume: Volume, transform: OverFrames[Matrix | None], frame: int) -> Volume:
     """Return a volume at its position on a frame.
 
-    volume: the volume at its position on the first frame. transform: the transform of its layer, over frames.
+    volume: the volume at its position on the first frame. transform: the layer's transform by frame.
     """
     first, now = transform.at(0), transform.at(frame)
     if first is None or now is None or not transform.moves:

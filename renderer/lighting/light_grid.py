@@ -142,7 +142,7 @@ def _transmission(
 
 
 def _filled_parts(depths: Float32) -> Bools:
-    """Return `filled` of the kernel `transmit`: which parts of rows of cells are visible, or before visible parts.
+    """Return `filled` of the kernel `transmit`: which parts of rows of cells show anything, or lie before such parts.
 
     depths: as `_mean_depths` returns them.
     """

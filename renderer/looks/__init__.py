@@ -1,8 +1,9 @@
 """Import transfer functions and tables of labels from the files of other programs, and read our own presets.
 
 In: the content of a file and a name in it, or the name of a preset. Out: a `Look`, colours and opacities by value, with
-their unit, their light and a list of the features left out; `place_look` makes its points in data units. Or labels.
-Importing it imports no numpy. Files are untrusted: every importer checks all values, and its errors name their places.
+their unit, their light and a list of the features left out; `place_look` gives its points in data units. Or, from a
+table of labels, their names and colours. This package loads without numpy. Files are untrusted: every importer checks
+all values, and its errors name their places.
 
 - `look_import.py`: the choice of an importer by a table of suffixes and contents, and the presets in `presets.yaml`
 - `look.py`: `Look`, and its points in data units

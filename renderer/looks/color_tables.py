@@ -1,4 +1,4 @@
-"""Make looks of tables of colours: at even distances, at intensities of a range, or for labels."""
+"""Make looks from tables of colours, which stand at even distances, at given intensities, or for labels."""
 
 from __future__ import annotations
 

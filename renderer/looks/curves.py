@@ -97,7 +97,7 @@ def _interpolation_error(first: float, second: float) -> float:
 
 
 def without_hidden(curve: Curve) -> list[CurvePoint]:
-    """Return a curve without points that have no effect: the points before and after such a point have its value."""
+    """Return a curve without points that have no effect: points between two other points at the same value."""
     last = len(curve) - 1
     return [
         point for k, point in enumerate(curve) if not (0 < k < last and curve[k - 1][0] == point[0] == curve[k + 1][0])

@@ -26,7 +26,8 @@ _MAX_LABELS = 2**16
 _MAX_NAME_LENGTH = 200
 # The largest value of a label: float64 has all whole numbers up to this one.
 _MAX_VALUE = 2.0**53
-# The names of the groups in the regular expressions for rows. Every expression has the groups `label` and `name`.
+# The names of the groups in the regular expressions that match a row of a table of labels. Every expression has the
+# groups `label` and `name`.
 _ROW_PARTS = ("label", "name", "r", "g", "b", "alpha", "is_shown")
 # Red, green and blue of a row, as whole numbers.
 _RGB = r"(?P<r>\d+)\s+(?P<g>\d+)\s+(?P<b>\d+)"
@@ -84,7 +85,7 @@ _MAX_FOLDERS_UP = 3
 Row = Sequence[Any]
 # A function that tests the content of a file, and returns a value that counts as true if the content has the format.
 Sign = Callable[[bytes], object]
-# A function that matches a line of text with the rows of a format.
+# A function that matches a line of text with the regular expression of a row.
 _Match = Callable[[str], "re.Match[str] | None"]
 # A function that reads the labels in a file.
 LabelReader = Callable[[LookFile], tuple[Label, ...]]
@@ -167,8 +168,8 @@ def read_extension(path: Path, content: bytes, image: int, *, are_labels: bool) 
     """Return the labels in an extension of the header of an image file; none if it has no table of labels.
 
     content: the bytes of the extension. image: the index of the image that is read, if each image of the file has a
-    table. are_labels: whether the header says that voxels are labels; only then, a text with the rows of a table is
-    taken for one. Raises InputError for a wrong table in XML or in AFNI's format.
+    table. are_labels: whether the header says that voxels are labels; only then, a text with rows of labels counts as a
+    table. Raises InputError for a wrong table in XML or in AFNI's format.
     """
     content = content.rstrip(b"\0 ")
     if b"<LabelTable" in content:
@@ -184,7 +185,7 @@ def read_extension(path: Path, content: bytes, image: int, *, are_labels: bool) 
 def _rows(file: LookFile, match: _Match) -> Iterator[Row]:
     """Yield the row of each line of a file. Raises InputError for a line that does not match.
 
-    match: matches a line with the parts of a row, which the names of its groups tell.
+    match: matches a line with a regular expression whose named groups are the parts of a row.
     """
     for line, text in file.lines():
         found = match(text)

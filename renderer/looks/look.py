@@ -1,4 +1,4 @@
-"""Hold a look, and place its points at the values of a scene."""
+"""Define a look, a transfer function from another program, and convert its points to the units of a volume's data."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def place_look(
         merged = merge_curves([(value, parts[:3]) for value, parts in curve], depths)
         curve = [(value, (*parts[:3], -math.expm1(-parts[3]))) for value, parts in merged]
     else:
-        # One point more than allowed is enough for the error; all points might be millions.
+        # One point more than allowed is enough to report the error; all points might be millions.
         curve = list(islice(linear_in_extinction(curve), MAX_LOOK_POINTS + 1))
     return [(value, (r, g, b), opacity) for value, (r, g, b, opacity) in curve]
 

@@ -95,7 +95,7 @@ class LookFile:
         """Return the curve through the points of some rows, sorted by value.
 
         rows: for each point its place in the file (for messages), its value, and `num_parts` numbers from 0 to `white`,
-        which are divided by `white`. Raises InputError for rows of another kind.
+        which are divided by `white`. Raises InputError for rows without these numbers.
         """
         points = list[CurvePoint]()
         for at, value, *parts in rows:

@@ -39,7 +39,7 @@ def _look(file: LookFile, preset: dict[str, Any]) -> Look:
     space = str(preset.get("ColorSpace", "RGB"))
     if space.lower() not in COLOR_SPACES:
         notes.append(f"interpolation in the colour space {space[:20]}")
-    # One point more than allowed is enough for the error; all points might take minutes.
+    # One point more than allowed is enough to report the error; all points might take minutes.
     curve = list(islice(in_color_space(points, space.lower()), MAX_LOOK_POINTS + 1))
     if preset.get("Points"):
         opacities = file.groups(preset["Points"], f"{at}: Points", 4)

@@ -14,7 +14,8 @@ from renderer.looks.curves import merge_curves
 from renderer.looks.look import Look, Looks
 from renderer.looks.look_file import LookFile
 
-# The points of a function: each has its place in the file (for messages), a value, and a colour or an opacity.
+# The points of a curve of colours or opacities: each has its place in the file (for messages), a value, and a colour or
+# an opacity.
 _Rows = list[tuple[Any, ...]]
 
 # The length in the world that opacities refer to if a file states none: VTK's default of ScalarOpacityUnitDistance.

@@ -43,7 +43,7 @@ class Projection(ABC):
 
     @abstractmethod
     def shares(self, gathered: Any, chords: Any) -> Any:
-        """Return the number of each ray, as a share of the colour range: float [...].
+        """Return the number that each ray shows, as a share of the colour range: float [...].
 
         gathered: float [..., 4], the picture that is drawn with `optics`. chords: float [...], the world lengths of the
         rays inside the volume's box.

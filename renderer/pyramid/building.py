@@ -213,8 +213,8 @@ def _leaf_variance_limits(plan: _Plan, num_levels: int) -> tuple[float, float]:
 def _exact_offset(low: float, high: float) -> float:
     """Return an offset that brings a volume's scalars close to 0 without rounding any of them.
 
-    The offset is a multiple of the last place of the largest scalar, so that every difference is a multiple of the
-    scalar's own last place, and no larger than the scalar.
+    The offset is a multiple of the last place of the largest scalar, so that a scalar less the offset is a multiple of
+    the scalar's own last place, and no larger than the scalar.
     """
     if low <= 0.0 <= high:
         return 0.0
@@ -387,7 +387,7 @@ def _octants(cells: Int64) -> Int64:
 def _store_visible(plan: _Plan, nodes: VisibleNodes, part: int, target: Level) -> Level:
     """Write the visible nodes of one level of groups to the beginning of `target`, and return this part of `target`.
 
-    part: the level in the groups, 0 for the lowest.
+    part: the level in the groups of 73 nodes, 0 for the lowest.
     """
     found = nodes_of_level(nodes, part)
     means, target = nodes.means[found], target.part(0, found.stop - found.start)

@@ -84,7 +84,7 @@ def cut_sizes(pyramid: Pyramid, max_cells: int, *, finest_level: int, finest_lev
 
 
 def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, limit: float) -> CutSizes:
-    """Collect split thresholds above a limit, level by level. The number of cells at tolerance 0 is left open.
+    """Collect split thresholds above a limit, level by level. The number of cells at tolerance 0 stays None.
 
     limit: only thresholds above this number are collected; a negative limit includes thresholds of 0. The limit rises
         whenever there are more than `max_cells` cells.

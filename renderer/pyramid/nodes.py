@@ -20,7 +20,7 @@ BLOCK_SIZE = 8
 
 
 def room_for_nodes(num_groups: int, num_channels: int, *, listed: bool = False) -> VisibleNodes:
-    """Return arrays with room for the nodes of some groups, whose numbers are not set yet.
+    """Return arrays with room for the nodes of some groups; the numbers in the arrays are not set yet.
 
     num_channels: the number of channels that errors are measured on: 4, or 1 for scalars.
     listed: whether cells and sizes get arrays, too; otherwise these two are empty.
@@ -40,7 +40,10 @@ def room_for_nodes(num_groups: int, num_channels: int, *, listed: bool = False) 
 
 
 def nodes_of_level(nodes: VisibleNodes, part: int) -> slice:
-    """Return the range of indices of the visible nodes on a level of the groups. part: the level, 0 for the lowest."""
+    """Return the range of indices of the visible nodes on one level of the groups of 73 nodes.
+
+    part: the level, 0 for the lowest.
+    """
     first = len(nodes.root_means) * sum(NODES_OF_GROUP[:part])
     return slice(first, first + int(nodes.counts[part]))
 

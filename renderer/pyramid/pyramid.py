@@ -1,9 +1,10 @@
 """Hold the pyramid: for each octree node, the mean of its voxels and the error of replacing them by it.
 
 Level l has cells of 2^l voxels a side. Level 0, the voxels, is not stored: it is classified when it is needed. A node's
-four channels are means of the channels of `renderer.transfer.classify`: of `(tau c, tau) h0`, or of `(a c, a)`, which
-are then stored as the depths that have these opacities. A node's error is the root of a variance, summed over channels
-(Laur and Hanrahan 1991, section 3: the RMS error of a node). The scene's error measure chooses the channels:
+four channels are means of the channels of `renderer.transfer.classify`: of `(tau c, tau) h0`, with h0 the finest voxel
+spacing, or of `(a c, a)`, which are then stored as the depths that have these opacities. A node's error is the root of
+a variance, summed over channels (Laur and Hanrahan 1991, section 3: the RMS error of a node). The scene's error measure
+chooses the channels:
 
     optical           (tau c, tau) h0     times the cell's side in the cut: the share of a pixel that the node has
     rms, classified   (a c, a)            opacity over the finest spacing
@@ -81,8 +82,8 @@ class Pyramid:
     levels: the levels from 1 on. The last one holds the root, or no node if nothing is visible.
 
     mean_unit, error_unit: factors from stored means and errors to their true units.
-    classifier: the classifier of level 0, which always gives (tau c, tau) h0. mean_classifier: the classifier of the
-        channels that are averaged.
+    classifier: the classifier of level 0, which always gives (tau c, tau) times the finest spacing. mean_classifier:
+        the classifier of the channels that are averaged.
     max_depth: the largest optical depth of a voxel, if opacities are averaged; else None.
     volume: the volume whose voxels are averaged.
     measure, of: the error measure, as in ErrorSpec.

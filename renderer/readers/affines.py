@@ -16,14 +16,14 @@ from renderer.volume import Array, Float64
 GUESSED_LENGTHS = "the file does not give its voxel size"
 # The note for a file without any lengths.
 NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
-# The largest number of fields that the note on lengths in an unknown form lists.
+# The largest number of fields that are named in the note on fields whose lengths have an unknown form.
 _MAX_NAMED = 8
 
 
 def no_spacing(names: Sequence[str]) -> str:
     """Return the note for a file without lengths in a known form.
 
-    names: the fields of the file that may hold lengths.
+    names: the fields of the file that may hold lengths in another form, which the note lists.
     """
     listed = ", ".join(short_text(name) for name in names[:_MAX_NAMED])
     return f"{GUESSED_LENGTHS} in a known form; 1 x 1 x 1 is assumed; not applied: {listed}" if names else NO_SPACING

@@ -46,8 +46,8 @@ class Chosen(NamedTuple):
     part: the index of the part in the array. step, component: the numbers of the time step and the component. is_step:
         whether the scene asks for a time step.
     notes: a remark if there are several time steps and the scene asks for none, and a remark on components.
-    channels: the descriptions of the components. Components with names are marked as no light of their own; those that
-        are named R, G or B have the colour of the name.
+    channels: the descriptions of the components. Components with names are described as not being light of their own;
+        components named R, G or B have the colour of the name.
     steps: the steps in time of the array.
     """
 

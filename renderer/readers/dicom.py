@@ -71,7 +71,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     try:
         found = sort_frames(frames)
     except InputError:
-        check_alike(frames)  # its message is better: frames of different stacks may share a place
+        check_alike(frames)  # if frames are of different stacks, its message says so
         raise
     segments = segments_of(frames[0].file)
     chosen, voxels = _read_chosen(found, segments, time, component, host)
@@ -144,7 +144,7 @@ def _read_values(frames: list[Frame], channel: int, host: Host) -> _Voxels:
     filled = [frame for frame in frames if frame.number is not None]
     ranges = dict.fromkeys(frame.scale.nodata for frame in filled)
     is_mixed = len(ranges) > 1 or any(each.scale.padding and each.scale.table is not None for each in filled)
-    dtype = np.result_type(*(frame.scale.dtype for frame in frames))  # types differ where slopes differ
+    dtype = np.result_type(*(frame.scale.dtype for frame in frames))  # frames with other slopes may have other types
     dtype = np.result_type(dtype, np.float32) if is_mixed else dtype
     values = allocate_voxels(host, (len(frames), *frames[0].size[::-1]), dtype)
     by_file: dict[Path, dict[int, list[tuple[Array, Frame]]]] = {}

@@ -59,7 +59,7 @@ def sort_frames(frames: Sequence[Frame]) -> Sorted:
         volumes |= {(time, (k, *component)): volume for (time, component), volume in found.items()}
         notes += [note] if note else []
     times, components = (sorted(set(indices)) for indices in zip(*volumes, strict=True))
-    if len(volumes) < len(times) * len(components):  # parts with different times: each time is a component
+    if len(volumes) < len(times) * len(components):  # segments or stacks differ in times: each time is a component
         volumes = {((), (*component, *time)): volume for (time, component), volume in volumes.items()}
         times, components = [()], sorted(component for _, component in volumes)
     told_apart = [part] * (len(parts) > 1) + told_apart
@@ -169,7 +169,11 @@ def _come_last(frames: Sequence[Frame], others: Sequence[Frame], dimension: Dime
 
 
 def _whole_parts(parts: Sequence[list[Frame]], place_of: dict[int, int], num_places: int) -> list[Frame]:
-    """Return the frames of the largest parts, if each of them has equally many frames at every place; else []."""
+    """Return the frames of the largest parts of a stack; an empty list if places have different numbers of frames.
+
+    parts: the frames with each value of a dimension, such as each time. place_of: the number of the place of a
+    frame, by the frame's id. num_places: the number of all places.
+    """
     most = max(map(len, parts))
     nums = [Counter(place_of[id(frame)] for frame in part) for part in parts]
     largest = [(part, num) for part, num in zip(parts, nums, strict=True) if len(part) == most]
@@ -181,7 +185,7 @@ def _whole_parts(parts: Sequence[list[Frame]], place_of: dict[int, int], num_pla
 def _whole_beginning(parts: Sequence[list[Frame]], place_of: dict[int, int], num_places: int) -> list[Frame]:
     """Return the longest beginning of a sequence of frames in which every place has equally many frames.
 
-    parts: the sequence, as lists of one frame each.
+    parts: the sequence, as lists of one frame each. place_of: the number of the place of a frame, by the frame's id.
     """
     nums, num_whole = [0] * num_places, 0
     for k, (frame,) in enumerate(parts):

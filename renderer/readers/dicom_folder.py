@@ -20,8 +20,8 @@ from renderer.scene import join_some, short_text
 # series.
 _MAX_NEIGHBOURS = 1000
 
-# Images that differ from most images of a folder, by series, size or orientation, are left out if the other images are
-# at least this many times as many; else they are an error.
+# If some images of a folder differ from most of its images by series, size or orientation, they are left out if there
+# are at least this many times as many others; otherwise reading fails.
 FEW = 8
 
 # The name of the kind of image that has several frames in one file.

@@ -56,7 +56,7 @@ _SIZES = ("Rows", "Columns", "SamplesPerPixel", "NumberOfFrames")
 # The fields that place a slice in a file of its own if it has no position, in the order in which they are tried.
 PLACE_KEYS = ("SliceLocation", "InstanceNumber")
 
-# The dimension that is tried last for the frames of one file: their order in the file.
+# The dimension that is tried last to distinguish frames of one file at one place: their order in the file.
 _FRAME_NUMBER = Dimension("frame number", "t", is_order=True)
 # The note on a file whose slice thickness replaces the missing distance between slices.
 _THICK = "the file does not give the distance of its slices; their thickness (SliceThickness) is taken"
@@ -189,7 +189,7 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
         marks = {each: ([numbers[number]], "") for each, numbers in file.vectors.items()}
         marks |= {file.run[0]: ([number], "")} if file.run else {}
         marks |= frame_marks(own, file.dimensions)
-        marks = marks | marks_of_all | marks  # a frame's own marks come first, and replace those that all frames share
+        marks = marks | marks_of_all | marks  # the frame's own values come first, and replace those of all frames
         marks |= {_FRAME_NUMBER: ([number], "")} if file.num_frames > 1 else {}
         frames.append(replace(frame, marks=marks))
     return frames
@@ -238,7 +238,7 @@ def _read_layout(path: Path, dataset: Dataset) -> tuple[_File, list[list[Dataset
 
 
 def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> Frame:
-    """Return a frame, without its marks. is_needed: whether missing lengths raise InputError."""
+    """Return a frame without `marks`, its values of dimensions. is_needed: whether missing lengths raise InputError."""
     dataset = file.dataset
     fields = [*own, *file.shared, dataset, *file.items]
     has_own = any(keyword in group for keyword in _POSITIONS for group in (*own, *file.shared))
@@ -328,7 +328,7 @@ def _lengths(file: _File, fields: list[Dataset], *, is_stacked: bool, is_needed:
     pairs = (numbers_of(fields, keyword) for keyword in _IN_PLANE)
     pair = next((found for found in pairs if len(found) == 2 and min(found) > 0), [])
     stated, thick = (first_numbers(fields, [each], [0.0])[0] for each in ("SpacingBetweenSlices", "SliceThickness"))
-    thick *= "LOCALIZER" not in text_of(fields, "ImageType")  # the thickness of a localizer may be that of the body
+    thick *= "LOCALIZER" not in text_of(fields, "ImageType")  # a localizer may state the thickness of the body
     between, note = stated or max(thick, 0.0), _THICK if is_stacked and not stated and thick > 0 else None
     got = None
     if not pair and file.run:

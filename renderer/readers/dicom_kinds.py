@@ -31,7 +31,7 @@ _RUNS = {
     "GM": "a film of a microscope",
     "OP": "a film of an eye",
 }
-# Fields with the time from one frame of a run to the next (PS3.3, C.7.6.5 and C.7.6.6).
+# Fields with the time from one frame to the next, where frames are times of one plane (PS3.3, C.7.6.5 and C.7.6.6).
 _STEPS = ("FrameTimeVector", "FrameTime")
 # The name of the dimension that distinguishes the frames of a run without times.
 _NUMBERED = "frame number"
@@ -132,7 +132,7 @@ def _is_decoded(syntax: str) -> bool:
 def run_of(dataset: Dataset, count: int) -> tuple[Dimension, str] | None:
     """Return the dimension that distinguishes the frames of a run, and a note on the run; None for slices.
 
-    dataset: a file without positions of its frames. count: the number of its frames.
+    The frames of a run are times of one plane. dataset: a file without positions of its frames. count: their number.
     """
     if count == 1 or "SliceVector" in dataset or any(numbers_of([dataset], "SpacingBetweenSlices")):
         return None
@@ -155,7 +155,7 @@ def _increments(dataset: Dataset) -> list[str]:
 
 
 def times_of_run(dataset: Dataset, count: int) -> list[float]:
-    """Return the times of the frames of a run, in ms after the first; an empty list if the file has no times."""
+    """Return the times of the frames of a file of one plane, in ms after the first; an empty list without times."""
     vector, step = numbers_of([dataset], "FrameTimeVector"), numbers_of([dataset], "FrameTime")
     if len(vector) == count:  # the first number is 0, as no frame comes before
         return list(accumulate([0.0, *vector[1:]]))

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Sequence
 from renderer.readers.dicom_fields import TOLD_APART, VECTORS, Dataset, numbers_of, text_of
 from renderer.readers.statements import FormatTable, Statement
 
-# The name of the statement (field that changes how voxels are understood) that low values are shown light.
+# The field that says that low values are shown light, together with its value, as a note names it.
 MONOCHROME1 = "PhotometricInterpretation MONOCHROME1"
-# The name of the statement that frames have different frames of reference.
+# The field with the frame of reference (the coordinates of positions), which a note names if frames differ in it.
 OTHER_SPACE = "FrameOfReferenceUID"
-# The name of the statement on the tilt of the gantry, which is needed only where slices have no positions.
+# The field with the tilt of the gantry, which is needed only where slices have no positions.
 _TILT = "GantryDetectorTilt"
-# The name of the statement on how the patient lies, which is needed only where slices have no directions.
+# The field that says how the patient lies, which is needed only where slices have no directions.
 _LIES = "PatientPosition"
 
 _VALUES = (

@@ -112,7 +112,7 @@ def _modality_table(path: Path, dataset: Dataset) -> Table | None:
     if len(descriptor) != 3 or not descriptor[2] % 2**16 <= 16:
         raise _table_error(path, f"LUTDescriptor = {text_of([item], 'LUTDescriptor')}")
     count, bits = int(descriptor[0]) % 2**16 or 2**16, int(descriptor[2])
-    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # each word has two values
+    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # 16 bits hold two values
         data = np.array(data, "<u2" if is_little else ">u2").view(np.uint8)
     if len(data) < count:
         raise _table_error(path, f"{len(data)} of {count} values")
@@ -156,9 +156,9 @@ def _padding(dataset: Dataset) -> tuple[float, float] | None:
 
 
 def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtype[Any]:
-    """Return the dtype of rescaled values: the smallest sufficient integers if both numbers are whole, else floats.
+    """Return the dtype of rescaled values: sufficient integers for a whole slope and intercept, else floats.
 
-    A file without BitsStored stores floats.
+    The integers are the smallest that suffice. A file without BitsStored stores floats.
     """
     bits, stored = int(dataset.get("BitsAllocated") or 16), int(dataset.get("BitsStored") or 16)
     if not 1 <= stored <= bits or bits not in (1, 8, 16, 32, 64):

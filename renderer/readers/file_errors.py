@@ -14,7 +14,7 @@ from typing import TypeVar
 from renderer.errors import InputError
 from renderer.scene import missing_file_error, short_text
 
-# The type in which labels are described.
+# The type of a label in the results of `labels_or_note`.
 T = TypeVar("T")
 
 

@@ -104,7 +104,7 @@ def _steps(image: StoredImage, letters: str, chosen: Chosen) -> TimeSteps:
 
 
 def _channels(image: StoredImage, chosen: Chosen) -> tuple[Any, ...]:
-    """Return the channels that the image describes, without colours if two are equal; else the channels of `chosen`."""
+    """Return the channels that the image describes, without colours if two have the same; else those of `chosen`."""
     count = len(chosen.channels)
     if count < 2 or len(image.channels) != count:
         return chosen.channels

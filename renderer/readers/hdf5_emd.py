@@ -47,7 +47,7 @@ def _values(plain: StoredImage, dataset: Dataset) -> Values:
 
 
 def _axis(group: Group, name: str, plain: Axis) -> Axis:
-    """Return an axis with its coordinates; a file may store just the first two if steps are even."""
+    """Return an axis with its coordinates, of which a file may store just the first two if steps are even."""
     line = dataset_at(group, name)
     if line is None or line.ndim != 1 or not is_in_file(line):
         return plain

@@ -75,7 +75,8 @@ def _default(file: Group) -> Group:
 def _signal(group: Group) -> Dataset | None:
     """Return the dataset with the data of a group; None if there is none.
 
-    The attribute `signal` of the group names it; or its own attribute `signal` is 1; or it is called `data`.
+    The attribute `signal` of the group names the dataset; or the dataset has an attribute `signal` of 1, or the name
+    `data`.
     """
     named = text(group, "signal")
     if named and "/" not in named:

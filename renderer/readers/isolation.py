@@ -50,7 +50,7 @@ _PARSED_BYTES_PER_SECOND = 8 << 20
 # The number of files for which a child gets another second of processor time.
 _FILES_PER_SECOND = 10
 
-# The largest length in bytes of what a child sends, without the voxels.
+# The largest number of bytes that a child sends to its parent, without the voxels.
 _MAX_ANSWER_BYTES = 1 << 24
 # The fields of an InputError that a child sends in place of an image.
 _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")

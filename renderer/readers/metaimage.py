@@ -105,7 +105,7 @@ def _axes(fields: dict[str, Field], num_axes: int) -> str:
 
 
 def _notes(fields: dict[str, Field], axes: str, world_from_index: Float64) -> Iterator[str | None]:
-    """Yield notes on statements of the file that are not applied or contradict each other."""
+    """Yield notes on fields of the header that are not applied, or that contradict each other."""
     center = fields["CenterOfRotation"].text.split() if "CenterOfRotation" in fields else []
     is_turned = bool(np.count_nonzero(world_from_index[:3, :3] - np.diag(np.diag(world_from_index[:3, :3]))))
     yield STATEMENTS.note({"CenterOfRotation"} if is_turned and any(map(number_in, center)) else ())

@@ -30,7 +30,7 @@ from renderer.volume import Float64
 # The fields of the header: version, sizes along x, y, z and time, type, degrees of freedom, and a flag that says
 # whether the placement behind it is valid: spacing, directions and middle in RAS.
 _HEADER = struct.Struct(">7ih15f")
-# The length of the header with its padding, in bytes.
+# The length of an MGH header with its padding, in bytes.
 _NUM_HEADER_BYTES = 284
 # The types of voxels, by their numbers in the header.
 _TYPES = {0: ">u1", 1: ">i4", 3: ">f4", 4: ">i2", 10: ">u2"}

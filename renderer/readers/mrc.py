@@ -22,7 +22,7 @@ from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units
 from renderer.volume import Array, Float64
 
-# The length of the header in bytes.
+# The length of an MRC header in bytes.
 _NUM_HEADER_BYTES = 1024
 _FIELDS = np.dtype([
     ("sizes", "3i4"), ("mode", "i4"), ("first", "3i4"), ("grid", "3i4"), ("lengths", "3f4"), ("angles", "3f4"),
@@ -47,7 +47,7 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# Versions of the standard of 2014, which has other fields in place of the skew.
+# The version numbers of the MRC standard of 2014, which has other fields in place of the skew.
 _VERSIONS = range(20140, 20150)
 # The fields of the skew of CCP4, a matrix and a shift of the world, within the field `others` of the header.
 _SKEW = np.dtype([("flag", "i4"), ("matrix", "9f4"), ("shift", "3f4"), ("rest", "V4")])
@@ -60,7 +60,7 @@ _HAS_SIGNED_BYTES = 1
 
 # The types of voxels, by their mode: a number in the header.
 _TYPES = {0: "i1", 1: "i2", 2: "f4", 6: "u2", 12: "f2"}
-# The names of the modes that cannot be rendered.
+# The types of voxels that cannot be rendered, by their mode: a number in the header.
 _OTHER_TYPES = {3: "complex integers", 4: "complex floats", 16: "colours of three bytes", 101: "integers of four bits"}
 # Values of `ispg` for a stack of volumes: 400 and the number of a space group, from 1 to 230.
 _VOLUME_STACKS = range(401, 631)

@@ -45,7 +45,7 @@ from renderer.volume import Float64, Label
 _NIFTI_1_BYTES = 348
 # The length of a NIfTI-2 header in bytes, which is also the first number in the header.
 _NIFTI_2_BYTES = 540
-# The file name of the header or the voxels of a pair.
+# A pattern of the file names of a pair: one file with the header, and one with the voxels.
 _PAIR = re.compile(r"(.*\.)(hdr|img)(\.gz)?", re.IGNORECASE | re.DOTALL)
 
 # The bytes of the header in which NIfTI-1 has the beginning of its mark. Analyze has a number there, usually 0.
@@ -196,7 +196,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def _statements(header: _Header) -> Iterator[str | None]:
-    """Yield notes on fields of the header that are not applied, or that whoever sees the volume should know."""
+    """Yield notes on fields of the header that are not applied, or that a user should know."""
     found = {name for name in header.keys() if np.any(header[name])} & {each.field for each in STATEMENTS.statements}  # noqa: SIM118
     if _is_analyze(header):
         yield STATEMENTS.note(found)
@@ -230,7 +230,7 @@ def _steps(header: _Header, count: int) -> TimeSteps:
     unit = None if _is_analyze(header) else _TIME_UNITS.get(int(header["xyzt_units"]) & 0b111000)
     if unit is None:
         return TimeSteps(count)
-    step, first = (float(str(number)) for number in (header["pixdim"][4], header["toffset"]))  # as float32 prints it
+    step, first = (float(str(number)) for number in (header["pixdim"][4], header["toffset"]))  # 0.1, not 0.1000000015
     return even_steps_at(count, step, unit, first)
 
 

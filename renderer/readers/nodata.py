@@ -220,7 +220,7 @@ def _beyond_data(values: Array, points: Sequence[float], own: Sequence[float]) -
 
 
 def _sampled(values: Array) -> Float64:
-    """Return values at random places; the places of a regular pattern might all have one x."""
+    """Return values at random places: places at regular distances might all have the same x."""
     places = np.random.default_rng(0).integers(values.size, size=_NUM_SAMPLES)
     return np.asarray(values.reshape(-1)[np.sort(places)], np.float64)
 
@@ -237,7 +237,7 @@ def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...
     distances = found | _far_values(distinct, counts, list(found))
     nums, nums_near = dict.fromkeys(distances, 0), dict.fromkeys(distances, 0)
     for slab in _finite_slabs(values, file) if distances else ():
-        others = slab[~np.isin(slab, list(distances))]  # a fill value near another one does not count
+        others = slab[~np.isin(slab, list(distances))]  # fill values may lie near each other
         for value, distance in distances.items():
             nums[value] += np.count_nonzero(slab == value)
             nums_near[value] += np.count_nonzero(np.abs(others / 2 - value / 2) < distance / 2)

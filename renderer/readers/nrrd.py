@@ -1,8 +1,8 @@
 """Read NRRD (.nrrd, .nhdr): a text header, and voxels behind it or in data files.
 
 Format: http://teem.sourceforge.net/nrrd/format.html. An axis is either in space or time (a domain axis), or a list of
-components. Its kind decides; an axis of unknown kind is in space if it has a direction. Without a space, `spacings`
-gives the lengths. Spaces whose axes are named after the body become LPS; others are taken for LPS.
+components. Its kind decides; an axis of unknown kind is in space if it has a direction. Without the field `space`,
+`spacings` gives the lengths. Spaces whose axes are named after the body become LPS; others are taken for LPS.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The largest number of axes that the format allows.
+# The largest number of axes that NRRD allows.
 _MAX_AXES = 16
 # The largest number of valid words that an error message lists.
 _MAX_LISTED = 10
@@ -99,7 +99,7 @@ _FIELDS = frozenset(
         "kinds",
     )
 )
-# The names that the format has for each type of integers.
+# The names that NRRD has for each type of integers.
 _INTEGERS = {
     "int8": "signed char, int8, int8_t",
     "uint8": "uchar, unsigned char, uint8, uint8_t",
@@ -112,7 +112,7 @@ _INTEGERS = {
 }
 _TYPES = {name: dtype for dtype, names in _INTEGERS.items() for name in names.split(", ")}
 _TYPES |= {"float": "float32", "double": "float64"}
-# The encoding of the voxels, by its name in the format.
+# The encoding of the voxels, by its name in NRRD.
 _ENCODINGS: dict[str, Encoding] = {"raw": "raw", "gzip": "deflate", "gz": "deflate", "bzip2": "bzip2", "bz2": "bzip2"}
 _ENCODINGS |= {"text": "text", "txt": "text", "ascii": "text", "hex": "hex"}
 # The words of the field `kinds` that tell nothing about an axis.
@@ -130,7 +130,7 @@ _SPACES |= {name + ("-time" if "-" in name else "t"): factors for name, factors 
 _SEGMENT = re.compile(r"(Segment\d{1,9}_(?:Name|LabelValue|Color|Layer)):=(.*)")
 # The note on a left-handed space without directions of a body. Any axis could be turned over; z is chosen.
 _LEFT_HANDED = "its space is left-handed, and the world is not: z is turned over, so that nothing is mirrored"
-# The names of components by the kind of their axis. A mask may come before them, and is not in the table.
+# The names of components by the kind of their axis. A masked kind has a further component before these, the mask.
 _COMPONENTS = {
     "complex": "real imaginary",
     "quaternion": "w x y z",

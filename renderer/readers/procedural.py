@@ -31,7 +31,7 @@ _ALUMINIUM = 96
 _IRON = 158
 # The value of steel in the engine block.
 _STEEL = 226
-# The standard deviation of the noise of the engine block, in steps of its values.
+# The standard deviation of the noise of the engine block, whose values are from 0 to 255.
 _NOISE = 2.5
 # The width over which the edges of the engine block are blurred, as a scanner does, in voxels.
 _BLUR_VOXELS = 1.6
@@ -186,7 +186,11 @@ def _box(material: int, centre: tuple[float, float, float], half: tuple[float, f
 
 
 def _bar(material: int, axis: int, centre: tuple[float, float], radius: float, ends: tuple[float, float]) -> _Part:
-    """Return a bar. centre: its coordinates along the other two axes, in ascending order of the axes."""
+    """Return a round bar along an axis, 0 to 2 for x to z.
+
+    centre: the coordinates of its centre line along the two other axes, in ascending order of the axes. ends: the
+    coordinates of its ends along its own axis.
+    """
     low, high = [c - radius for c in centre], [c + radius for c in centre]
     low.insert(axis, ends[0])
     high.insert(axis, ends[1])

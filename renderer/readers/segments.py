@@ -101,7 +101,7 @@ def join_segments(planes: Callable[[], Iterable[tuple[int, Int64]]], labels: Seq
 
     planes: a function that yields planes in any order, the same ones at each call. A plane is its z and the numbers of
     segments from 1 on, [y, x], with 0 for no segment. labels: the labels of the segments. joined: the volume [z, y, x],
-    of the type of `type_of_labels`. The clause is empty without overlaps.
+    of the type of `type_of_labels`. The clause, of a note, is empty without overlaps.
     """
     counts = np.zeros(len(labels) + 1, np.int64)
     for _, numbers in planes():

@@ -36,7 +36,7 @@ _SIGNATURES: dict[bytes, Format] = {
     b"# vtk DataFile": "vtk",
     **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "tiff"),
 }
-# The format of a file, by the end of its name, for formats without such first bytes.
+# The format of a file, by the end of its name, for formats that the first bytes of a file do not always show.
 _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mha", ".mhd"), "metaimage"),
     **dict.fromkeys((".nii", ".hdr", ".img", ".nii.gz", ".hdr.gz", ".img.gz"), "nifti"),

@@ -340,7 +340,7 @@ def _inflated(pieces: Iterator[bytes], enough: int) -> Iterator[bytes]:
 
 
 def _pieces(file: IO[bytes], num_bytes: int | None = None, piece: int = _PIECE) -> Iterator[bytes]:
-    """Yield the rest of a file in pieces, at most `num_bytes` in all."""
+    """Yield the bytes of a file in pieces, from its present position on, at most `num_bytes` in all."""
     left = math.inf if num_bytes is None else num_bytes
     while data := file.read(int(min(piece, left))):
         left -= len(data)

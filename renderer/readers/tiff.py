@@ -203,7 +203,8 @@ def _open_pages(path: Path) -> Iterator[list[Page]]:
     logging.getLogger("tifffile").addHandler(damage)
     try:
         with errors_about(path), tifffile.TiffFile(path) as tiff:
-            # tifffile gives a Zeiss LSM as frames: they lack most fields, but have the right places of their pixels.
+            # tifffile gives pages of a Zeiss LSM as its class TiffFrame, which lacks most fields, but has the right
+            # places of the pixels.
             frames = list(tiff.pages)
             pages = [frame.aspage() if frame.is_frame else frame for frame in frames]
             for page, frame in zip(pages, frames, strict=True):
@@ -253,7 +254,7 @@ def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
                 got=f"{page.bitspersample} bits of the sample format {page.sampleformat}",
                 expected="integers of up to 32 bits and of 64, or floats of 16, 32 or 64",
             )
-        if page.dtype.kind == "u" and page.bitspersample == 24:  # tifffile reads their bytes in the wrong order
+        if page.dtype.kind == "u" and page.bitspersample == 24:  # tifffile takes them in the wrong byte order
             raise InputError(
                 "pixels of this type cannot be read",
                 got=f"integers of 24 bits on page {number}",
@@ -269,7 +270,7 @@ def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
             expected = f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0)
             raise damaged_error(f"page {number} of this TIFF file lacks pixels", got, expected)
     num_used = sum(sum(page.databytecounts) for page in pages)
-    if num_used > num_file_bytes:  # a small file could stand for any number of voxels
+    if num_used > num_file_bytes:  # pages that share bytes: a small file could claim any number of voxels
         raise InputError(
             "strips or tiles of this TIFF file share their bytes",
             got=f"{num_used} bytes of pixels, in a file of {num_file_bytes} bytes",

@@ -174,7 +174,7 @@ def _named(axes: str, counts: list[int], plane: str) -> Layout:
     """Return a layout in which axes with other names become z, time or components.
 
     The last axis with another name becomes z, unless the file has an axis z. All others become times and components.
-    plane: the axes along a column and a row, of `XYZ`.
+    plane: the two axes of a page, such as `YX`: down its columns, and along its rows.
     """
     letters = [axis for axis, n in zip(axes, counts, strict=True) if n > 1]
     others = [k for k, axis in enumerate(letters) if axis not in "TZC"]

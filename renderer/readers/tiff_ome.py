@@ -28,7 +28,7 @@ STATEMENTS = FormatTable(
 
 
 def note_of(description: str) -> str | None:
-    """Return the note on fields that are not applied; None if there are none. description: that of the first page."""
+    """Return the note on fields of OME that are not applied, or None. description: the text in the first page."""
     return STATEMENTS.note(set(_unapplied(description))) if is_ome(description) else None
 
 

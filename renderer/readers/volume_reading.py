@@ -92,7 +92,7 @@ def _read_step(spec: VolumeSpec, time: int | None) -> Volume:
 def _check_alike(volume: Volume, like: Volume, *, by_kind: bool = True) -> None:
     """Raise InputError unless a step has the shape and the type of another step.
 
-    by_kind: whether to compare types; absent voxels turn integers into floats.
+    by_kind: whether to compare types. They are not compared if voxels are absent, as these turn integers into floats.
     """
     by_kind = by_kind and not volume.num_absent and not like.num_absent
     got, expected = (
@@ -197,7 +197,8 @@ def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
 def _marks(path: Path, *, with_folder: bool = False) -> Iterator[FileMarks]:
     """Yield the marks of a file or a folder with a volume, and of all files that its header names.
 
-    with_folder: the marks of all files beside it, in place of its own. Raises InputError for damaged headers.
+    with_folder: whether the marks of all files in the folder of a file take the place of the marks of the file itself.
+    Raises InputError for damaged headers.
     """
     yield marks_of(path.parent if with_folder and path.is_file() else path)
     if path.is_file():
@@ -237,7 +238,7 @@ def _load(spec: VolumeSpec, time: int | None) -> Image:
     select_index("component", _component(spec), 1)
     if isinstance(source, ArraySource):
         values = source.values.view()
-        values.flags.writeable = False  # this view protects the caller's array
+        values.flags.writeable = False  # a view, so that the caller's array stays writeable
     elif isinstance(source, RawSource):
         from renderer.readers.numpy_arrays import map_raw
 
@@ -259,7 +260,8 @@ def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> Imag
     """Return the image of one of several files; each file is a step in time."""
     chosen = choose("t", (len(source.steps),), time, None)
     file = source.steps[chosen.step]
-    own_time = 0 if spec.component is None else None  # with a component, an unnamed axis of the file is not time
+    # If the scene chooses a component, a fourth axis without a name is components, not time.
+    own_time = 0 if spec.component is None else None
     image = _load_file(spec, file, own_time)
     if image.steps.num_times > 1:
         got = f"{image.steps.num_times} time steps in this one"

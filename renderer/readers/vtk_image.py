@@ -304,7 +304,7 @@ def _damaged(got: str | None) -> InputError:
 def _world_from_index(image: Any, *, is_cells: bool) -> Float64:
     """Return the affine from voxel indices to the world, float64 [4, 4].
 
-    image: an image, or a part of a larger image. Its first voxel has the index 0.
+    image: a VTK image or grid, or a part of a larger one. The first voxel of the part has the index 0.
     """
     first = np.full(3, 0.5 if is_cells else 0.0)
     if image.IsA("vtkRectilinearGrid"):

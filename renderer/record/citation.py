@@ -25,8 +25,8 @@ from renderer.scene import (
     short_text,
 )
 
-# The sections that are read from a recorded scene and from each of its volumes. None names a file that must still
-# exist.
+# The sections of settings that are read from a recorded scene and from each of its volumes. They name no files that
+# must still exist.
 _SECTIONS = {key: SECTIONS[key] for key in ("splat", "mode", "shading", "output")}
 _LIGHT = {
     "specular": "highlights", "silhouette": "silhouettes", "occlusion": "ambient occlusion", "shadow": "soft shadows",

@@ -25,7 +25,7 @@ _MAX_COUNT = 2**63 - 1
 _MOST_LEVELS = 12
 # The largest number of characters in a line of text of a record.
 _MAX_LINE_LENGTH = 200
-# The name of the field in which an open record keeps the keys of other programs.
+# The name of the field in which a record keeps the keys that other programs have added to its file.
 FURTHER_KEYS = "further"
 
 _DIGEST = re.compile("[0-9a-f]{32}")
@@ -109,7 +109,7 @@ def read_record(field: schema.FieldType[T], value: object) -> T | None:
 
 
 def open_record(cls: Callable[..., T]) -> schema.FieldType[T]:
-    """Return the type of a record that may have keys of other programs, which its field `further` keeps."""
+    """Return the type of a record to which other programs may add keys, which its field `further` keeps."""
     known = schema.dataclass_field(cls)
     names = schema.field_table(cls)
 

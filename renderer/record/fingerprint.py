@@ -24,7 +24,8 @@ from renderer.scene import (
     without_sources,
 )
 
-# The keys of an output that change the frames. All other keys are about the encoding and the name of the film.
+# The keys of the scene's section `output` on which frames depend. Its other keys are about the encoding and the name
+# of the film.
 _DRAWN_KEYS = ("size", "background")
 _NOT_ENCODED = ("file",)
 
@@ -58,7 +59,7 @@ def film_fingerprint(scene: FilmScene, requested: ErrorSpec, volume_fingerprint:
 def fingerprint_of(depends_on: Mapping[str, Any], output: OutputSpec) -> FilmFingerprint:
     """Return the fingerprint of a film whose frames depend on this plain data.
 
-    output: the outputs of the film, by which they are encoded.
+    output: the outputs of the film, whose settings of the encoding the fingerprint has, too.
     """
     tree = outputs_of({"output": spec_to_dict(output)})
     first, *others = ({key: value for key, value in each.items() if key not in _NOT_ENCODED} for each in tree)

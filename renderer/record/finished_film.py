@@ -53,12 +53,12 @@ class FinishedFilm:
 
     @property
     def frames_digest(self) -> str | None:
-        """Return the digest of all that the film's frames depend on; None for a film that no single pass would make."""
+        """Return the digest of all that the film's frames depend on; None if no single job would draw them."""
         return None if self.record.fingerprint is None else self.record.fingerprint.frames_digest
 
     @property
     def tools(self) -> dict[str, Any]:
-        """Return the versions of the packages that made the film, by name, with `device` and `sources`."""
+        """Return the versions of the packages that made the film, by name, with `device` and a digest as `sources`."""
         found = {**self.record.versions, "device": self.record.device}
         sources = self.record.fingerprint and self.record.fingerprint.depends_on.get("sources")
         return found | ({"sources": sources} if isinstance(sources, str) else {})
@@ -66,7 +66,7 @@ class FinishedFilm:
     def has_tolerances_of(self, scene: FilmScene) -> bool:
         """Return whether the film's frames were drawn at the tolerances of this scene.
 
-        For the recorded scene, it says that nobody has changed them.
+        If `scene` is the recorded scene, this shows that nobody has changed the tolerances.
         """
         return scene.error.goal is None and all(
             tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in self.record.frames
@@ -152,9 +152,9 @@ class FinishedFilm:
 
 
 def find_finished_film(sidecar: Path, note: Callable[[str], object]) -> FinishedFilm | None:
-    """Return the film that a sidecar describes; None if there is no sidecar, or if no job can keep its film.
+    """Return the film that a sidecar describes; None without a sidecar whose film a job can keep.
 
-    note: takes a sentence on why a record cannot be used.
+    note: a function that takes a sentence on why a sidecar cannot be used.
     """
     try:
         record = SIDECAR.find(sidecar)

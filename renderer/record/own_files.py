@@ -17,7 +17,7 @@ from renderer.errors import InputError
 from renderer.film import film_sidecars, picture_files, unfinished_folder
 from renderer.scene import MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object, relative_path
 
-if TYPE_CHECKING:  # records take a while to load, and a film without older files needs none
+if TYPE_CHECKING:  # records take a while to load; a film whose files do not exist yet needs none
     from renderer.record.film_record import FilmRecord
 
 
@@ -50,7 +50,7 @@ def require_own_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) 
 
 
 def naming_mark(output: OutputSpec, sidecar: Path) -> Path:
-    """Return the path of the mark that exists while outputs get their final names and the sidecar is still to write."""
+    """Return the path of a file that exists while outputs get their final names, before the sidecar is written."""
     return unfinished_folder(output) / f"{sidecar.name}.naming"
 
 

@@ -29,7 +29,10 @@ class FrameFile:
 
 
 def picture_problems(frames: Sequence[FrameFile], kind: PictureKind) -> Iterator[Problem]:
-    """Yield a problem for each picture that is missing, or was changed since it was drawn. kind: the expected kind."""
+    """Yield a problem for each picture that is missing, or was changed since it was drawn.
+
+    kind: the kind that the pictures should have.
+    """
     missing: dict[Path, list[FrameFile]] = {}
     by_digest = {frame.record.digest: frame.number for frame in frames}
     for frame in frames:

@@ -61,7 +61,7 @@ def make_film_record(
 ) -> FilmRecord:
     """Return the record of a film that was drawn.
 
-    stage: the stage of the film. If tolerances were found for a goal, its scene has them.
+    stage: the stage of the film. If tolerances were found for a goal, the stage's scene has them.
     devices: the devices that drew the frames. seconds: the time of the whole job.
     """
     scene, volumes = stage.scene, [layer.volume for layer in stage.layers]

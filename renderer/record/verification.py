@@ -18,7 +18,7 @@ from renderer.record.up_to_date import describe_mismatch
 from renderer.record.verified_accuracy import MOST_RAYS, FreshAccuracy, RayOptions, RayProgress, measure_pictures
 from renderer.scene import ErrorSpec, FilmScene, OutputFile, OutputSpec, accuracy_of, counted
 
-# The words of the problem that a file has not its recorded digest. Its pictures can be measured all the same.
+# The message about a file whose digest is not the recorded one. The pictures in the file can be measured all the same.
 _CHANGED = "not the file that its sidecar describes"
 
 
@@ -82,7 +82,7 @@ def _file_problems(film: FinishedFilm, output: OutputFile, digest: str | None) -
     """
     where = str(output.file)
     frames = [frame for frame in film.record.frames if output.shows(frame.frame)]
-    if not frames:  # the output shows only frames that the film does not have
+    if not frames:  # none of the frames that the output shows were drawn
         return
     if output.is_frames:
         known = [replace(frame, digest=frame.digest_of(output.kind)) for frame in frames]
@@ -113,15 +113,15 @@ def verify_pictures(
 ) -> PicturesCheck:
     """Compare a film with its scene, and measure its pictures.
 
-    stage: the stage of its scene and of the volume that it shows. files: the check of its files.
+    stage: the stage of the film's scene and volume. files: the check of the film's files.
     """
     scene, notes = stage.scene, list[str]()
-    # A scene that somebody has edited is expected to differ; so are the versions that drew it.
+    # If somebody has edited the scene, other tolerances and other versions of packages are no problems.
     is_unchanged = film.has_tolerances_of(scene)
     requested = film.record.schedule.requested if is_unchanged else accuracy_of(scene.error)
     changed = changed_tools(film) if is_unchanged else []
     problems = [*_scene_problems(film, scene, requested)]
-    if changed:  # scenes of another version may have other keys and other defaults
+    if changed:  # in other versions, scenes may have other keys and other defaults
         notes = [f"drawn by other versions than these: {'; '.join(changed)}"]
         notes += [f"{each.what}: {each.got}" for each in problems]
         problems = []

@@ -18,7 +18,7 @@ from renderer.system import printable
 # A range of scalars counts as hidden if its share of the visibility of all ranges is below this.
 _HIDDEN_SHARE = 0.01
 # A range counts as hidden only if its opacity is at least this part of the largest opacity in its volume: the foot of a
-# ramp, with a small opacity, is meant to be faint.
+# ramp of opacity is meant to be faint.
 _LEAST_OPACITY = 0.25
 # A label counts as hidden if its share of the visibility is below this part of the mean share of a label: labels are
 # many and small.
@@ -35,7 +35,9 @@ def range_record(found: ScalarRange) -> VisibleRange:
 
 
 def film_visibility(frames: Sequence[FrameRecord], ranges: Sequence[VisibleRange]) -> FilmVisibility | None:
-    """Return the share of each range in the visibility over a film; None if a frame lacks it, or nothing is visible."""
+    """Return the share of each range in the visibility over a film.
+
+    Return None if the visibility of a frame was not measured, or if nothing is visible."""
     if not ranges or any(len(frame.visible) != len(ranges) for frame in frames):
         return None
     visible = np.mean([frame.visible for frame in frames], axis=0)

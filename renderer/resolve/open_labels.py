@@ -69,7 +69,7 @@ def _mask_volume(layer: LayerSpec) -> VolumeSpec:
 def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Problems) -> LabelsSpec:
     """Return the labels that are shown, with their numbers, colours, opacities and names.
 
-    spec: the labels as the scene has them. known: the labels of the volume. place: the position of the labels in the
+    spec: the labels as the scene states them. known: the labels of the volume. place: the position of the labels in the
     scene. problems: a list to which this adds a problem for each label that no voxel has.
     """
 

@@ -1,4 +1,4 @@
-"""Resolve a scene: choose everything that it leaves to its volumes."""
+"""Resolve a scene: choose, once its volumes can be read, everything that it leaves open."""
 
 from __future__ import annotations
 

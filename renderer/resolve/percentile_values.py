@@ -41,7 +41,7 @@ def with_values(layer: LayerSpec, place: str, read: ReadVolume, problems: list[P
         what, got = f"these percentiles of {name} are one value", format_value(next(iter(found.values())))
         problems.append(Problem(place, what, got, "percentiles of different values", _HINT))
         return replace(layer, transfer_function=plain)
-    # The values are checked as in a scene that gives values.
+    # Values that replace percentiles are checked like values that a scene gives.
     wrong = list[Problem]()
     for frame in (None, 0):
         film = schema.FilmTime(None, 1.0, frame)

@@ -116,7 +116,7 @@ _KEYS = schema.sequence_field(
 
 @dataclass(frozen=True)
 class KeyframePath(_Path):
-    """A path through the directions of keys. Between two keys, directions are interpolated on the sphere.
+    """A path through given directions at some frames, its keys. Between two keys, it is interpolated on the sphere.
 
     keys: the keys, with ascending frames. loop: whether the path leads from the last key back to the first.
     easing: with `smooth`, the camera's speed changes smoothly at the keys.

@@ -56,7 +56,7 @@ class TimeBudget:
 class MetricTarget:
     """A goal: the value that a metric of accuracy has to reach. It is computed over all pixels of each frame.
 
-    metric: its name in `renderer.accuracy.METRICS`.
+    metric: the name of the metric in `renderer.accuracy.METRICS`.
     """
 
     metric: Literal["psnr", "rmse", "ssim", "flip"]
@@ -79,7 +79,7 @@ class MetricTarget:
 class ErrorSpec:
     """The accuracy of a film: a tolerance, or a `goal` for which a tolerance is found.
 
-    goal: a budget or a target. A `MetricTarget` asks for the largest tolerance of the whole film that reaches it.
+    goal: a budget or a target. A `MetricTarget` asks for the largest tolerance with which the film reaches it.
     finest_level: no cells smaller than `2^finest_level` voxels are drawn, whatever their error.
     probes: the number of exact rays that measure the accuracy of each frame; None chooses it by the picture's size.
     """

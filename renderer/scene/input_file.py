@@ -51,7 +51,7 @@ def read_bounded(path: Path, max_bytes: int, what: str) -> bytes:
 
 
 def read_content(path: Path) -> bytes:
-    """Return the content of a scene file or a sidecar; if it is too large, only one byte more than is allowed.
+    """Return the content of a scene file or a sidecar. A file that is too large is cut to one byte more than allowed.
 
     Raises InputError if the file cannot be read.
     """

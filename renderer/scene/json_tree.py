@@ -27,7 +27,7 @@ def load_json_object(text: str, path: Path, *, kind: str) -> dict[str, Any]:
     refused: list[Problem] = []
 
     def refuse(what: str, got: str | None = None, key: str = "") -> Problem:
-        """Record a problem and return it. It takes the place of the refused value, so that its path is found later."""
+        """Record a problem and return it in place of the refused value, so that its path is found later."""
         refused.append(Problem(key, what, got=got))
         return refused[-1]
 

@@ -270,7 +270,7 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
 def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tuple[TreeNode, Any]) -> None:
     """Refuse keys that need scalars between labels, in the scene or the layer at `node`, which shows labels.
 
-    lit: the node above the shading, and the shading.
+    lit: the node of the scene or the layer that has the shading, and the shading.
     """
     key, (place, shading) = node.key("labels"), lit
     mode, splat = given.get("mode", ModeSpec()), given.get("splat")
@@ -292,7 +292,10 @@ def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tu
 
 
 def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, lit: tuple[TreeNode, Any]) -> None:
-    """Refuse keys that have no effect on voxels that are colours. lit: the node above the shading, and the shading."""
+    """Refuse keys that have no effect on voxels that are colours.
+
+    lit: the node of the scene or the layer that has the shading, and the shading.
+    """
     place, shading = lit
     for key in pointwise_keys(shading) if isinstance(shading, ShadingSpec) else ():
         hint = "colours are lit before they are interpolated: ambient, diffuse, occlusion and shadow remain"
@@ -304,7 +307,10 @@ def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, li
 
 
 def _placed_layers(node: TreeNode, given: Mapping[str, Any]) -> list[tuple[TreeNode, LayerSpec]]:
-    """Return the layers as pairs (node, layer); a single volume has the scene's node. Parts may be invalid."""
+    """Return the layers as pairs (node, layer); a single volume has the scene's node.
+
+    Values of a layer may be INVALID, and layers that are INVALID themselves are left out.
+    """
     if "volumes" not in given:
         return [(node, _only_layer(given))]
     layers, place = given["volumes"], node.child("volumes")

@@ -46,7 +46,7 @@ def _scalar(value: object) -> str:
         return "nothing"
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, int) and value.bit_length() > 4 * _MAX_VALUE_LENGTH:  # Python may refuse to spell it
+    if isinstance(value, int) and value.bit_length() > 4 * _MAX_VALUE_LENGTH:  # Python may refuse to print it
         return "a huge number"
     if isinstance(value, float):
         return repr(value).removesuffix(".0") if math.isfinite(value) else f".{value}"

@@ -100,7 +100,7 @@ class Motion(Generic[T]):
             tangents = x * widths[1] * ((1.0 - x) ** 2 * before - x * (1.0 - x) * after)
         if self.kind != "ratio":
             return start + way + tangents
-        # Halving the logarithm's rise keeps it finite.
+        # The ratio itself may be infinite; its root is finite.
         root = math.exp(0.5 * (way + tangents))
         return min(max(start * root * root, min(start, end)), max(start, end))
 

@@ -46,7 +46,7 @@ def _parse_file(node: TreeNode) -> Any:
         return node.reject("not a file name")
     if schema.has_unexpanded_tilde(node.value):
         return node.reject("a folder named ~", hint=schema.TILDE_HINT)
-    if os.path.basename(node.value) in ("", ".", ".."):  # names that the class Path drops
+    if os.path.basename(node.value) in ("", ".", ".."):  # `Path` drops such an end
         return node.reject("the output is a folder")
     path = Path(node.value)
     if output_suffix(path) not in FORMATS:

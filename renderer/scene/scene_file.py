@@ -143,7 +143,7 @@ class TreeEditor:
         return scene
 
     def located_problems(self, problems: Iterable[Problem]) -> list[Problem]:
-        """Return these problems and the problems of text and options, with their locations, in the order of `parse`."""
+        """Return `problems` and those of text and options, with their locations, in the order of `parse`."""
         found = [*self._problems, *map(self._with_origin, problems)]
         return [self._located(*item) for item in sorted(found, key=_sort_key)]
 

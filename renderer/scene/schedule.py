@@ -20,7 +20,7 @@ def tolerance_at(error: ErrorSpec, frame: int) -> float:
 
 
 def accuracy_of(error: ErrorSpec) -> ErrorSpec:
-    """Return an `error` section that has only the tolerance or the goal of this one."""
+    """Return an `error` section with the tolerance or the goal of `error`, and with defaults for all other keys."""
     return ErrorSpec(error.tolerance) if error.goal is None else ErrorSpec(goal=error.goal)
 
 

@@ -52,7 +52,7 @@ TILDE_HINT = "~ is not expanded: write the whole path"
 
 
 def is_file_name(value: object) -> TypeGuard[str]:
-    """Return whether a value is a text that can name a file on this system. Half a surrogate pair cannot be in it."""
+    """Return whether a value is a text that can name a file on this system. No file name has half a surrogate pair."""
     try:
         return isinstance(value, str) and bool(value.strip()) and b"\0" not in os.fsencode(value)
     except UnicodeEncodeError:

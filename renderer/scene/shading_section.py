@@ -1,4 +1,4 @@
-"""The scene's `shading`: a light, and how boundaries show."""
+"""The scene's `shading`: a light, and how clearly the boundaries of matter are seen."""
 
 from __future__ import annotations
 

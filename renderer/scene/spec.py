@@ -39,7 +39,7 @@ Blend = Literal["mix", "add"]
 
 @dataclass(frozen=True)
 class PyramidSpec:
-    """A choice of the quantity that a node averages, and of the precision in which it is stored."""
+    """A choice of the quantity that an octree node averages, and of the precision in which the average is stored."""
 
     average: Literal["extinction", "opacity"] = "extinction"
     precision: Literal["half", "single"] = "half"
@@ -184,7 +184,7 @@ def _has_plain_sections(sections: Scene) -> bool:
 
 
 def film_scene(sections: Scene) -> FilmScene:
-    """Return a scene of these sections, in which motions may take the place of values."""
+    """Return a scene of the given sections, in which motions may take the place of values."""
     return sections if _has_plain_sections(sections) else _MovingScene(sections)
 
 

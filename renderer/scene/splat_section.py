@@ -22,8 +22,8 @@ _HINTS_INTEGRATED = _HINTS_GOURAUD | {
 }
 _ALIASES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
 _WEIGHT = schema.number_field(minimum=0, maximum=1)
-# At one of the radii k / radial, at which the gouraud footprint has vertices, a profile must have at least this weight:
-# all weights are divided by the largest weight there.
+# The gouraud footprint has vertices at the radii k / radial. At one of these radii at least, its profile must have this
+# weight or more: all weights are divided by the largest weight at a vertex.
 MIN_PROFILE_WEIGHT = 1e-6
 _PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
 _PROFILE = schema.sequence_field(

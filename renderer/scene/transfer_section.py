@@ -197,7 +197,7 @@ def _check_percentiles(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
-    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # as in `scale: log`
+    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # `scale: log` is of a colormap
     if "import" in given:
         for key in schema.valid_keys(given, "points", "colormap", *of_colormap):
             node.key(key).reject(f"contradicts {node.path}.import", expected="one of them")
@@ -237,7 +237,7 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
 
 
 def _points(opacities: Sequence[tuple[float, float]]) -> tuple[ControlPoint, ...]:
-    """Return white points of these values and opacities."""
+    """Return white control points with the given values and opacities."""
     return tuple(ControlPoint(value, _WHITE, opacity) for value, opacity in opacities)
 
 
@@ -338,9 +338,9 @@ def _read_look(node: TreeNode, source: str, name: str | None) -> tuple[Path | No
 
 
 def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: object) -> None:
-    """Check the values and opacities of points.
+    """Check the values and opacities of control points.
 
-    Values must not descend. Two points at one value make a step; a point between them would have no effect.
+    Values must not descend. Two points at one value make a step; a third point at this value would have no effect.
     """
     values = [value for value, _ in points]
     for index, (before, value) in enumerate(pairwise(values), start=1):

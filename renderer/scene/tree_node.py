@@ -80,14 +80,14 @@ class TreeNode:
     def key(self, key: object, value: object = None) -> TreeNode:
         """Return the node of the key `key` itself, for problems with the key and not with its value.
 
-        value: the key again, if its text is wrong or has to be read; None if the problem is that it is there.
+        value: `key` again, for problems with its text and to read it; None for the problem that the key is there.
         """
         return replace(self.child(key, value), is_key=True)
 
     def expecting(self, expected: str) -> TreeNode:
         """Return this node with a description of the values that a type expects.
 
-        It names all fields, as this is faster than `replace` and done for each value that is read.
+        The code names all fields, as `replace` would be slower, and this is done for each value that is read.
         """
         return TreeNode(self.value, self.path, self.problems, self.base, self.is_key, expected, self.words, self.film)
 
@@ -151,7 +151,7 @@ FieldTable = Mapping[str, FieldType[Any]]
 
 
 def still(field: FieldType[T]) -> FieldType[T]:
-    """Return the same type for values that cannot move, neither as a whole nor in part."""
+    """Return a field type without motions: its values cannot move, neither as a whole nor in part."""
     return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
 
 
@@ -163,7 +163,7 @@ def _may_be_frame(key: object) -> bool:
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
-    """Return the motion that a map from frames to values describes; its value, if a film is read at one frame."""
+    """Return the motion that a map from frames to values describes, or its value if the film is read at one frame."""
     assert isinstance(node.value, Mapping) and field.motion is not None
     known = film.motions.get((node.path, id(field)))
     if known is not None and film.at is not None:

@@ -176,7 +176,7 @@ def _numbered_volumes(folder: Path) -> list[tuple[int, str]]:
     if len({len(each) for each in parts}) > 1:
         return []
     different = [k for k, column in enumerate(zip(*parts, strict=True)) if len({*column}) > 1]
-    if len(different) != 1 or different[0] % 2 == 0:  # every second part is a number
+    if len(different) != 1 or different[0] % 2 == 0:  # at even k, there is text between numbers
         return []
     return [(int(own[different[0]]), name) for own, name in zip(parts, volumes, strict=True)]
 

@@ -138,8 +138,8 @@ class SplatBatch:
         [4], (tau c V, tau V) in model units squared, the integral of the footprint; and the index of the shape.
     axes: float64 [num_shapes, 3, 3], whose columns are the Gaussian's standard deviation along each edge of the cell,
         as vectors in model units and world axes. The covariance is `axes @ axes.T`.
-    origin: float64 [3], the world position of the model's origin.
-    model_unit: the world length of a model unit.
+    origin: float64 [3], the world position of the model's origin, the volume's centre.
+    model_unit: the world length of a model unit: half of the volume's diagonal.
     footprint: the Gaussian or Gouraud footprint. samples_across: the number of samples along a pixel's side; a pixel is
         the mean of its samples.
     """

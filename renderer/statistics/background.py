@@ -108,7 +108,7 @@ def background_at(sample: VoxelSample, border: Float64, shares: Float64) -> Back
 def fill_with_background(sample: VoxelSample, are_away: Bools) -> VoxelSample:
     """Return a sample in which some voxels have the background's values, noise included.
 
-    are_away: which voxels these are, bool [z, y, x].
+    are_away: which voxels get values of the background, bool [z, y, x].
     """
     background, (border, _) = find_background(sample), sample.valid_values()
     noise = border[(border >= background.low) & (border <= background.high)]

@@ -33,9 +33,10 @@ def suggest_fill(volume: Volume, statistics: Statistics) -> float | None:
 
 
 def _surrounding_label(sample: VoxelSample, low: float) -> float | None:
-    """Return the most frequent label at the border; if more voxels there have no data, 0, which no voxel has.
+    """Return the most frequent label at the border, or 0, which is no label, if more voxels there have no data.
 
-    low: the lowest label. Returns None for the lowest label, and if 0 may be a label.
+    low: the lowest label. Returns None if the most frequent label is the lowest one, or in place of 0 if 0 may be a
+    label.
     """
     is_known = faces(sample.is_valid)
     values, counts = np.unique(faces(sample.normalized)[is_known], return_counts=True)

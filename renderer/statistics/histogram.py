@@ -14,8 +14,8 @@ from renderer.statistics.isolated import OutlierValue, find_isolated
 from renderer.statistics.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 
-# The largest number of bins of a histogram. Every integer in a range of at most this many has its own bin; other values
-# are divided into this many bins.
+# The largest number of bins of a histogram. If at most this many integers are in the range of the values, each of them
+# has its own bin; other values are divided into this many bins.
 MAX_BINS = 2**16
 
 # The percentages for which `Statistics` has percentiles of the values.

@@ -16,8 +16,8 @@ _MAX_FRACTION = 1e-3
 # are isolated. The share is less than 1 because, of many hot or dead pixels, some touch.
 _MIN_ISOLATED = 0.95
 # A voxel is isolated if its value is farther than this from the range of its neighbours' values, in widths of this
-# range. Noise reaches 0.7. Among the lowest and the highest percent of the voxels of 40 volumes, 7 voxels reach 2, and
-# other voxels have values as low or as high.
+# range. Noise reaches 0.7. Among the lowest and the highest percent of the voxels of 40 volumes, 7 voxels reach 2;
+# other voxels have values as low or as high as theirs.
 _MIN_DISTANCE = 2.0
 # Voxels of a volume in which a voxel has fewer neighbours than this are never isolated: neighbours along a single line
 # are too few to tell.
@@ -50,7 +50,7 @@ def find_isolated(
     """
     minimum, *usual, maximum = ends
     cube, first = values.reshape(-1, *(1, 1, *values.shape)[-2:]), 0
-    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # the last of them is no outlier
+    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # voxels kept at each end; the last one is no outlier
     beyond = [(np.empty(0, values.dtype), np.empty(0, bool))] * 2
     for slab in iter_slabs(cube, source, values.itemsize * _CHUNK):
         is_within = (slab >= minimum) & (slab <= maximum)
@@ -60,7 +60,7 @@ def find_isolated(
                 are_isolated = _are_isolated(cube, np.stack([z + first, y, x]), ends, scale)
                 far = np.append(beyond[k][0], slab[z, y, x])
                 are_isolated = np.append(beyond[k][1], are_isolated)
-                # The order is from the end of the range inwards; among equal values, isolated voxels come last.
+                # Voxels are sorted from the end of the range inwards; among equal values, isolated voxels come last.
                 order = np.lexsort((are_isolated ^ bool(k), far))[:: -1 if k else 1][:limit]
                 beyond[k] = far[order], are_isolated[order]
         first += len(slab)

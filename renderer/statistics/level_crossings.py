@@ -9,8 +9,8 @@ from renderer.statistics.voxel_sample import VoxelSample
 
 # A surface of one value that rays cross at least this often, on average, hides all other surfaces.
 MAX_CROSSINGS = 3.0
-# A surface lies inside the surface of the next lower level if rays cross it less often than this part of the times that
-# they cross the lower level.
+# A surface lies inside the surface of the next lower level if the number of times that rays cross it is less than this
+# part of the number for the lower level.
 _MAX_NESTED_RATIO = 0.85
 
 

@@ -25,9 +25,10 @@ _SHELL_COVERAGE = 0.8
 _GLOW_COVERAGE = 0.65
 # The number of shells of a field with one sign.
 _NUM_SHELLS = 4
-# The distance of the lowest shell from the value at which the field begins, as a part of the distance of two shells.
+# The distance of the lowest shell from the value at which the field begins, as a part of the distance between two
+# neighbouring shells, in values.
 _FIRST_SHELL = 0.6
-# The width of a shell in values, as a part of the difference of two shells' values.
+# The width of a shell in values, as a part of the distance between two neighbouring shells.
 _SHELL_WIDTH = 0.36
 # The smallest width of a shell, as a part of the volume's range of values. In narrower shells, the steps of 8-bit
 # values would show.

@@ -36,7 +36,7 @@ def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")
     asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
     found = read(replace(volume, component=asked) if may_have_channels else volume)
-    if found.labels and found.channels and volume.component is None:  # channels of labels are one volume
+    if found.labels and found.channels and volume.component is None:  # channels that hold labels are read as one volume
         found = read(volume)
     raise_problems(volume_problems(volume_extent(found), found.name))
     num_times = found.num_times if volume.time is None else 1

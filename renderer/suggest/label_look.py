@@ -109,7 +109,7 @@ def labels_with_looks(
 ) -> LabelsSpec:
     """Return a scene's labels, with colours, opacities and names: the labels that `opacities` has, in that order.
 
-    colors: a colour for each of these labels. names: the names of some. Both may have further labels.
+    colors: the colour of each label; names: the names of some labels. Labels without an opacity are ignored.
     """
     named = tuple((value, names[value]) for value in opacities if value in names)
     different = {*opacities.values()}

@@ -35,8 +35,8 @@ from renderer.volume import Float64, Volume
 # A look suits a step only if the mean opacity of the step's rays is at least this part of the opacity that the step's
 # own look gives them.
 _LEAST_SHOWN = 0.1
-# A look suits a step only if the share of the border's voxels that it shows, where the air is, is larger by at most
-# this than the share that the step's own look shows.
+# A look suits a step only if the share of the border's voxels that is visible, which should be air, is at most this
+# much larger with the look than with the step's own look.
 _MOST_AIR = 0.02
 # A step is reported as showing next to nothing if its mean opacity is less than this part of the most opaque step's.
 _NEXT_TO_NOTHING = 0.05
@@ -69,13 +69,13 @@ class _Step:
         return float(-np.expm1(-depths.astype(np.float64)).mean())
 
     def air_shown(self, look: Suggestion) -> float:
-        """Return the share of the voxels on the volume's faces that a look shows."""
+        """Return the share of the voxels on the volume's faces that are visible with a look."""
         transfer = make_transfer_function(look.transfer, min(self.sample.spacing))
         return float(np.mean(transfer.classify(self.border)[1] * transfer.unit > LEAST_OPACITY))
 
 
 def suggest_in_time(volume: OverFrames[VolumeSpec], read: ReadVolume, wish: Wish) -> VolumeSuggestion:
-    """Suggest a look for all steps of a volume whose time may move: one that suits as many steps as possible."""
+    """Suggest a look for all steps in time that a film shows of a volume: one that suits as many as possible."""
     all_steps = steps_in_time(volume)
     if len(all_steps) == 1:
         return suggest_read(*_read(volume.at(0), read, wish), wish)

@@ -80,7 +80,7 @@ class Choice(NamedTuple):
 
 
 def flip_light(shading: ShadingSpec) -> ShadingSpec:
-    """Return the light for objects darker than their surroundings: with the opposite direction, as their gradients are.
+    """Return the light for objects darker than their surroundings, with its direction reversed, as their gradients are.
 
     A light whose direction is a word, such as the camera's, stays.
     """

@@ -1,7 +1,8 @@
 """Tell the object from its surroundings, such as tables, holders, frames and specks, and clip these away.
 
-The visible voxels fall into connected parts. The object is the largest part that is not a sheet, the main part,
-together with other parts that are not too small. Planes that touch the object clip away the parts beyond them.
+The visible voxels fall into connected parts. The object is the main part, the largest one that is no sheet (a thin
+part, such as a table), together with other parts that are not too small. Planes that touch the object clip away the
+parts beyond them.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from renderer.statistics import VoxelSample, pool_voxels
 from renderer.volume import Bools, Float64, Int64, grow, label_parts
 
 # A connected part belongs to the object if its volume is at least this share of the volume of the main part, the
-# largest one that is no sheet. Smaller parts are specks, unless they are near the main part.
+# largest one that is no sheet, such as a table. Smaller parts are specks, unless they are near the main part.
 _MIN_VOLUME = 0.002
 # A connected part is near the object's main part if the gap between them is less than twice this many cells.
 _GAP = 2
-# A connected part that touches a sheet belongs to the object if its volume is at least this share of the volume of the
-# object's main part. Smaller parts are pieces of the sheet.
+# A connected part that touches a sheet, such as a table, belongs to the object if its volume is at least this share of
+# the volume of the object's main part. Smaller parts are pieces of the sheet.
 _MIN_VOLUME_AT_SHEET = 0.1
 # A connected part is a sheet, such as a table, a holder or a frame, if it is thinner than this share of its diagonal
 # and reaches the border of the volume. Plates have 0.03 to 0.06, a ball has 0.2.
@@ -35,21 +36,21 @@ _MIN_SHRINKAGE = 0.1
 # A part lies beside the object if at least this share of its cells lies beyond planes that touch the object; otherwise
 # the part is within the object.
 _MIN_BEYOND = 0.3
-# Planes are used only if they leave at least this share of the visible cells. A sheet that is too large to be clipped
-# away is a part of the object, such as the plate on an engine.
+# Planes are used only if they leave at least this share of the visible cells. A thin part that is too large to be
+# clipped away belongs to the object, such as the plate on an engine.
 _MIN_LEFT = 0.35
 # The ends of the visible part along an axis are these percentiles of its cells' positions, so that a few outermost
 # cells do not count.
 _OUTERMOST = (2, 98)
-# A holder has one cross-section from end to end of the volume: a line along an axis is in a holder if at least this
-# share of its cells is visible.
+# A holder, such as a tube around the object, has one cross-section from end to end of the volume: a row of cells along
+# an axis is in a holder if at least this share of its cells is visible.
 _MIN_FILLED = 0.95
 # Holders are looked for only along axes on which the volume has at least this many cells.
 _MIN_LENGTH = 16
-# The least ratio of a sheet's second longest side to its thickness. Rods are no sheets: by volume and surface, they are
-# about twice as wide as thick.
+# A thin part is a sheet, such as a table, only if its second longest side is at least this many times its thickness.
+# Rods are no sheets: by volume and surface, they are about twice as wide as thick.
 _MIN_WIDTH = 5.0
-# The directions in which clip planes may face, as small whole numbers.
+# The directions in which clip planes may face, as vectors of small whole numbers.
 _DIRECTIONS = np.array([each for each in product(range(-2, 3), repeat=3) if math.gcd(*each) == 1], np.float64)
 # The unit vectors of `_DIRECTIONS`.
 _NORMALS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
@@ -76,7 +77,7 @@ def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
     places = np.argwhere(cells)[:, ::-1] + 0.5 - np.array(cells.shape[::-1]) / 2
     heights, reach = places @ axes.T @ _NORMALS.T, np.abs(_NORMALS @ axes).sum(axis=1) / 2
     is_kept = _are_of_object(cells, parts)
-    # A part of which little lies beyond the planes is not beside the object, but within it.
+    # A connected part of which little lies beyond the planes is not beside the object, but within it.
     is_beyond = (heights > _limits(heights, is_kept[parts.of_cell], reach)).any(axis=1)
     is_kept |= np.bincount(parts.of_cell, is_beyond) < _MIN_BEYOND * np.bincount(parts.of_cell)
     return _touching_planes(places @ axes.T, heights, _limits(heights, is_kept[parts.of_cell], reach))
@@ -136,7 +137,7 @@ def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
 
 
 def _are_holders(cells: Bools, sides: Float64) -> Bools:
-    """Return which cells belong to holders: sheets with one cross-section from end to end of the volume.
+    """Return which cells belong to holders: thin parts with one cross-section from end to end of the volume.
 
     Holders may touch the object.
     """
@@ -196,7 +197,7 @@ def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
     sheets = np.zeros_like(cells)
     sheets[cells] = parts.is_sheet[of_cell] & (of_cell != main)
     # Cells grow, so that the pieces of a broken thin structure, such as an insect's leg or a vessel, belong together.
-    # Sheets do not grow: cells of a broken sheet, such as a table under a patient, would join the object.
+    # The cells of sheets, such as tables, are left out: through them, broken pieces of a sheet would join the object.
     grown = label_parts(grow(cells & ~sheets, _GAP))[cells]
     is_near = np.bincount(of_cell, grown == grown[of_cell == main][0], num) > 0
     of_sheet = np.bincount(of_cell, grow(sheets, 1)[cells], num) > 0

@@ -159,7 +159,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
 
 
 def with_points(suggestion: Suggestion, points: Sequence[ControlPoint]) -> Suggestion:
-    """Return the suggestion with other points; points that it had before keep their notes."""
+    """Return the suggestion with `points` as its control points; those that it had before keep their notes."""
     named = dict(zip(suggestion.transfer.points, suggestion.notes, strict=False))
     return replace(_with_mapping(suggestion, tuple(points)), notes=tuple(named.get(point, "") for point in points))
 

@@ -46,8 +46,8 @@ KnowLabels = Callable[[], KnownLabels]
 _MAX_OUTLYING_LABEL = 2**16
 # The opacity of a constant volume, with which a ray along the diagonal has an opacity of about two thirds.
 _CONSTANT_OPACITY = 0.02
-# The optical depth of a constant volume of which a part has no data, so that it has a shape: along the side of a cube
-# that is as large as the part with data.
+# The optical depth of a constant volume that has a shape, because a part of it has no data: the depth along the side of
+# a cube that is as large as the part with data.
 _MASK_DEPTH = 3.0
 
 

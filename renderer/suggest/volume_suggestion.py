@@ -54,8 +54,8 @@ def read_in_colors(
 ) -> tuple[VolumeSpec, Volume, Statistics]:
     """Return a volume's description, its voxels and their statistics; voxels that are colours are read as colours.
 
-    If the alpha of colours varies, it gives the opacities. With a wish, voxels are read as colours only if `volume`
-    says so. found: the volume as it was read first.
+    If the alpha of colours varies, it gives the opacities. With a user's wish, voxels are read as colours only if
+    `volume` says so. found: the volume as it was read first.
     """
     component = volume.component
     if component is None and wish == NO_WISH and are_colors(found.values.dtype, found.channels):
@@ -96,7 +96,7 @@ def _labels_in_table(spec: VolumeSpec, volume: Volume) -> KnownLabels:
 def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Suggestion:
     """Return a suggestion for voxels that are colours: opacities depend on luminance.
 
-    The colours of a wish are multiplied by the colours of the voxels.
+    The colours of a preset that the user wishes for are multiplied by the colours of the voxels.
     """
     found = suggest(volume, statistics, Wish(wish.colormap, wish.preset or "surface"))
     transfer = found.transfer

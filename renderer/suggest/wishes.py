@@ -34,7 +34,7 @@ class Wish:
 
 @dataclass(frozen=True)
 class Materials:
-    """The materials of a scan, of which a wish's word shows some.
+    """The materials of a scan; a user's word selects the ones that are shown.
 
     ends: the normalised values at which materials begin and end, ascending.
     sample: a sample of the scan.
@@ -92,7 +92,7 @@ def _vessels(scan: Materials) -> Preset:
 
 
 def _densest_name(scan: Materials, in_hounsfield: str) -> str:
-    """Return the name of the densest material, or of the object if it has no other material."""
+    """Return the name of the densest material, or of the object if the object is a single material."""
     return scan.named(in_hounsfield, "the densest material" if len(scan.ends) > 2 else "the object")
 
 

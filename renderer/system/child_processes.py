@@ -105,7 +105,7 @@ def describe_exit(status: int) -> str:
 def exit_with_parent(descriptor: int) -> None:
     """Let this process end as soon as a pipe from its parent breaks. descriptor: the reading end of the pipe."""
     if hasattr(fcntl, _SET_SIGNAL):
-        with contextlib.suppress(OSError):  # some imitations of Linux refuse this
+        with contextlib.suppress(OSError):  # some systems that imitate Linux refuse this request
             fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
             fcntl.fcntl(descriptor, getattr(fcntl, _SET_SIGNAL), signal.SIGKILL)
             fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)

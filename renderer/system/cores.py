@@ -39,7 +39,7 @@ def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OW
         lines = []
     folders = {groups, groups / controller}
     for _, controllers, path in (line for line in lines if len(line) == 3):
-        if controllers == "" or controller in controllers.split(","):  # in version 2, lines name no controller
+        if controllers == "" or controller in controllers.split(","):  # lines of version 2 name no controller
             root = groups / controller if controllers else groups
             inner = root / path.lstrip("/")
             folders.update(folder for folder in (inner, *inner.parents) if folder.is_relative_to(root))

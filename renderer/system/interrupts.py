@@ -152,7 +152,7 @@ def exit_on_signals(status: int) -> None:
 def _handle(
     handler: Callable[[int, FrameType | None], None] | signal.Handlers, numbers: Sequence[signal.Signals] = _SIGNALS
 ) -> dict[int, Any]:
-    """Set a handler for each of some signals that is not ignored. Returns the handlers before, by signal."""
+    """Set a handler for each of some signals, except for ignored signals. Returns the previous handlers, by signal."""
     if threading.current_thread() is not threading.main_thread():
         return {}
     heeded = [number for number in numbers if signal.getsignal(number) not in (signal.SIG_IGN, None)]

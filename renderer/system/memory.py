@@ -18,8 +18,8 @@ from renderer.system.cores import control_groups
 _MEMINFO = Path("/proc/meminfo")
 # The file by which Linux resets the peak memory of this process.
 _RESET = Path("/proc/self/clear_refs")
-# The names of a control group's files, by the version of control groups: files with limits of memory, the file with the
-# memory in use; and the names, in the file memory.stat, of memory that caches files.
+# For each version of Linux's control groups: the names of the files that state limits of memory, the name of the file
+# that states the memory in use, and the names in memory.stat of the memory that caches files.
 _FILES = {
     2: (("memory.max", "memory.high"), "memory.current", ("inactive_file", "active_file")),
     1: (("memory.limit_in_bytes",), "memory.usage_in_bytes", ("total_inactive_file", "total_active_file")),

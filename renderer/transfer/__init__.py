@@ -2,7 +2,8 @@
 
 In: control points or a colormap. Out: `TransferFunction`; `Classifier`, with which kernels classify voxels; the table
 by which bricks are drawn; the min-max test for empty-space skipping; Lambert's law.
-Emission and absorption follow Max 1995: tau = -log1p(-opacity) / unit, where `unit` is the length of the opacities.
+Emission and absorption follow Max 1995: tau = -log1p(-opacity) / unit, where `unit` is the length to which opacities
+refer.
 
 - `transfer_function.py`: control points with exact extinctions, and the min-max test for a range of scalars
 - `piecewise.py`: tables of linear pieces

@@ -88,8 +88,8 @@ def _lowest_visible(rows: Float32, guide: Int32) -> np.float32:
 def range_width(first: float, last: float) -> tuple[float, float]:
     """Return the width of a range of scalars times a factor, and the factor: 1, or 1/2 if the width may overflow.
 
-    If scalars are multiplied by the factor, their differences overflow only if they exceed MAX_NORMALIZED_SCALAR
-    widths.
+    If scalars are multiplied by the factor, their differences overflow only if they exceed MAX_NORMALIZED_SCALAR times
+    the width.
     """
     factor = 1.0 if last - first < _MAX_UNSCALED_WIDTH else 0.5
     return last * factor - first * factor, factor

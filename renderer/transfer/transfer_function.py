@@ -90,11 +90,12 @@ def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> Transfe
     cap = MAX_VOXEL_DEPTH / finest_spacing
 
     def extinction(opacity: Float64) -> Float64:
-        with np.errstate(divide="ignore", over="ignore"):  # the infinite extinction of opacity 1 meets the cap
+        with np.errstate(divide="ignore", over="ignore"):  # the infinite extinction of opacity 1 is capped
             return np.minimum(-np.log1p(-opacity) / unit, cap) + 0.0  # adding 0.0 turns -0.0 into 0.0
 
     if isinstance(spec.mapping, LabelsSpec):
-        # Steps lie half-way between the numbers of labels. Hidden labels have the number 0.
+        # The transfer function of labels has steps half-way between the labels' numbers. Hidden labels have the number
+        # 0.
         styles = spec.mapping.styles
         values = np.repeat(np.arange(len(styles) + 1) + 0.5, 2)[:-1]
         opacities = np.append(0.0, np.repeat([style.opacity for style in styles], 2))
@@ -125,7 +126,7 @@ def _colormap_control_points(spec: ColormapSpec, at: Float64, extinctions: Float
     # If the range has fewer numbers than the colormap has samples, each number occurs once, with its own colour.
     samples = np.unique(np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale)
     table = np.asarray(colormap_points(spec.colormap, NUM_COLORMAP_SAMPLES), np.float64)
-    extra = samples[~np.isin(samples, at)]  # of two points at one value, the extinction's stays, as it may be a step
+    extra = samples[~np.isin(samples, at)]  # a point with an extinction may be a step: it stays
     values = np.concatenate([extra, at])
     order = np.argsort(values, kind="stable")
     opaque = TransferFunction(at, np.zeros((len(at), 3)), extinctions, 1.0)
@@ -164,8 +165,8 @@ def _logarithmic_control_points(
 def visibility_breakpoints(transfer: TransferFunction, finest_spacing: float) -> Float64:
     """Return the scalars at which a voxel becomes visible or invisible, ascending, float64 [m].
 
-    A slope that rises from 0 becomes visible at the next number of float64, so that its foot is invisible. The scalar
-    of a step has the visibility of the upper side. Two changes at one scalar cancel.
+    A slope that rises from 0 becomes visible at the next number of float64, so that the scalar at which the slope
+    begins is invisible. The scalar of a step has the visibility of the upper side. Two changes at one scalar cancel.
     """
     values, is_visible = transfer.values, transfer.extinctions * finest_spacing >= VISIBILITY_THRESHOLD
     found = [-math.inf] if is_visible[0] else []

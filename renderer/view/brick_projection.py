@@ -19,8 +19,8 @@ from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import model_view
 from renderer.volume import Float64, UInt32, Volume
 
-# If the eye is nearer to the volume's centre than this, in model units, rays begin at the eye, and not on the plane
-# through the centre. Another point may be given in place of the centre.
+# If the eye is nearer to the volume's centre (or to the point `middle` of `ray_setup`) than this, rays begin at the
+# eye, and not on the plane through the centre. In model units, which are half the volume's diagonal.
 _NEAR_EYE_DISTANCE = 2.0
 
 

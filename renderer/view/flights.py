@@ -18,11 +18,11 @@ from renderer.volume import Float64
 _NUM_CHORDS = 512
 # A place of the camera is an array [8] of eye, target, roll and zoom. These are the columns of the eye.
 EYE = slice(0, 3)
-# The columns of the target in a place of the camera.
+# The columns of the target in the array [8] of a place of the camera.
 TARGET = slice(3, 6)
-# The column of the roll, in degrees, in a place of the camera.
+# The column of the roll, in degrees, in the array [8] of a place of the camera.
 ROLL = 6
-# The column of the logarithm of the zoom in a place of the camera.
+# The column of the logarithm of the zoom in the array [8] of a place of the camera.
 LOG_ZOOM = 7
 
 
@@ -34,7 +34,7 @@ def fly(path: FlightPath, start: Float64 | None, frames: Float64) -> Float64:
     """
     places = [np.array([*key.position, *key.target, key.roll, 0.0]) for key in path.keys]
     at_frames = [key.frame for key in path.keys]
-    if start is not None and at_frames[0] != 0:  # a flight whose first key is at frame 0 begins there
+    if start is not None and at_frames[0] != 0:  # a first key at frame 0 replaces `start`
         places.insert(0, start)
         at_frames.insert(0, None if at_frames[0] is None else 0)
     curve = np.array(places)

@@ -74,7 +74,7 @@ def least_distance(
     margin: float = MARGIN,
     frames: Sequence[int] | None = None,
 ) -> float:
-    """Return the smallest distance at which all points are in the image, as `fit_distance`; it may be 0 or less.
+    """Return the smallest distance at which all points are in the image, as `fit_distance` does; it may be 0 or less.
 
     frames: the frames of the path at which the points must be in the image, None for all frames.
     """
@@ -144,7 +144,7 @@ def visible_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> Float64:
 
 
 def framed_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> tuple[Float64, float]:
-    """Return corners as `visible_points`, but without cells that add next to nothing to a picture.
+    """Return corners as `visible_points` does, but without cells that add next to nothing to a picture.
 
     The second result is the share of a picture that the omitted cells would add; mostly 0, as no cells are omitted.
     """
@@ -177,7 +177,7 @@ def _extreme_corners(pyramid: Pyramid, occupied: Bools) -> Float64:
 def _without_clipped_cells(pyramid: Pyramid, clip: ClipRegion) -> Bools:
     """Return which occupied cells of a pyramid clipping leaves, at least in part, bool [z, y, x]."""
     volume, left = pyramid.volume, np.zeros_like(pyramid.occupied)
-    for z in range(len(left)):  # layers of cells are taken one by one, to bound memory
+    for z in range(len(left)):  # one plane of cells at a time, to bound memory
         y, x = np.nonzero(pyramid.occupied[z])
         first = np.column_stack([x, y, np.full_like(x, z)]) << pyramid.occupied_level
         last = np.minimum(first + (1 << pyramid.occupied_level), volume.shape_xyz)
@@ -206,7 +206,7 @@ def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> 
 def finest_useful_level(
     volume: Volume, points_world: Float64, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> int:
-    """Return the coarsest level of a pyramid whose cells are at most SMALLEST_CELL_PX wide on all frames; else 0.
+    """Return the coarsest pyramid level whose cells are at most SMALLEST_CELL_PX wide on all frames; 0 without one.
 
     Finer levels show nothing more, as no footprint is narrower. The width of a cell is bounded by the longest diagonal
     of a voxel, at the smallest depth and the steepest angle of the points' bounding box. If the eye may be inside this
@@ -236,8 +236,8 @@ def smallest_voxel_px(
 ) -> float:
     """Return the smallest width that a voxel at the volume's centre has on any frame, in pixels.
 
-    The width is of the finest spacing. An eye nearer to the centre than half of the volume's diagonal counts as half of
-    the diagonal away, because most visible voxels are about as far away.
+    A voxel's width is the finest spacing of the volume. An eye nearer to the centre than half of the volume's diagonal
+    counts as half of the diagonal away, because most visible voxels are about as far away.
     """
     spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
     narrowest_px = math.inf

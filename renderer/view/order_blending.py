@@ -23,8 +23,8 @@ from renderer.view.paths import ANYWHERE, About, iter_camera_poses
 from renderer.volume import Float64
 
 # Half of the turn over which one draw order fades into another, in radians. In opaque noise, a sudden change of the
-# order changes colours by 0.4. Over a turn of 2.2 degrees, this is 0.002 in 0.01 degrees, about as much as such an
-# image changes anyway.
+# order changes colours, from 0 to 1, by 0.4. Spread over a turn of 2.2 degrees, the change is 0.002 for every 0.01
+# degrees, about as much as such an image changes anyway.
 FADE_ANGLE = math.radians(1.1)
 
 # A step from a cell to a neighbour is level if its slope, the difference of depths divided by the step's length, is
@@ -44,7 +44,7 @@ NEIGHBOURS = np.array(
     [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)]
 )
 
-# The views near a view are sampled by points on a sphere, this many in each octant.
+# The number of points in each octant of a sphere by which the views near a view are sampled.
 _POINTS_PER_OCTANT = 2048
 
 

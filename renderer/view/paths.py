@@ -85,7 +85,7 @@ class CameraPoses(NamedTuple):
 def camera_poses(path: CameraPath, frames: Sequence[int], about: About = ANYWHERE) -> CameraPoses:
     """Return the poses of the camera at frames of a path. On a loop, frame `path.frames` is frame 0 again.
 
-    about: the target and the distance of the film.
+    about: the target of the film, and the distance of the eye from it.
     """
     pieces = path.pieces if isinstance(path, PathSequence) else (path,)
     ends, at = np.cumsum([piece.frames for piece in pieces]), np.asarray(frames, np.float64)
@@ -99,14 +99,14 @@ def camera_poses(path: CameraPath, frames: Sequence[int], about: About = ANYWHER
 def _piece_poses(pieces: Sequence[PathPiece], number: int, at: Float64, about: About) -> CameraPoses:
     """Return the poses of the camera on one piece of a path. Flights and holds may begin at the end of another piece.
 
-    number: the index of the piece. at: the frames, counted from the start of the piece, [n]. about: the target and the
-    distance of the film.
+    number: the index of the piece. at: the frames, counted from the start of the piece, [n]. about: the target of the
+    film, and the distance of the eye from it.
     """
     path = pieces[number]
     if isinstance(path, (FlightPath, HoldPath)):
         others = [k for k, each in enumerate(pieces) if not isinstance(each, HoldPath)]
         stops = [(k, pieces[k].frames) for k in others if k < number][-1:]
-        if isinstance(path, HoldPath) and not stops:  # a hold at the start stays at the start of the first other piece
+        if isinstance(path, HoldPath) and not stops:  # a hold at the start stays where the next piece begins
             stops = [(k, 0) for k in others[:1]]
         ends = [_piece_poses(pieces, k, np.full(1, float(frame)), about) for k, frame in stops]
         if isinstance(path, FlightPath):
@@ -181,7 +181,7 @@ def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
 def iter_camera_poses(path: CameraPath, about: About = ANYWHERE) -> Iterator[CameraPoses]:
     """Yield the poses of all frames of a path, in chunks of bounded size that overlap by one frame.
 
-    about: the target and the distance of the film.
+    about: the target of the film, and the distance of the eye from it.
     """
     for first in range(0, max(path.frames - 1, 1), _FRAMES_PER_CHUNK):
         yield camera_poses(path, range(first, min(first + _FRAMES_PER_CHUNK + 1, path.frames)), about)

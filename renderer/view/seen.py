@@ -16,8 +16,8 @@ from renderer.volume import Bools, Float64, grow, label_parts
 
 # All cells that framing leaves out add, together, less than this share of a picture.
 _MOST_LEFT_OUT = 1e-3
-# Framing leaves cells out only if the box around the other cells is shorter along an axis by at least this share. So
-# the end of an object stays in the picture.
+# Framing leaves cells out only if the box around the remaining cells is shorter along an axis by at least this share.
+# So the thin end of an object stays in the picture.
 _LEAST_GAIN = 0.05
 # A cell is faint if its opacity is less than this share of the opacity at _OPAQUE_PERCENTILE.
 _FAINT = 0.02
@@ -34,7 +34,7 @@ class SeenCells(NamedTuple):
     """The visible cells that decide how a volume is framed.
 
     cells: which cells these are, bool [z, y, x].
-    left_out: the share of a picture that all other visible cells add.
+    left_out: the share of a picture that the visible cells which do not decide the framing add to it.
     """
 
     cells: Bools
@@ -44,8 +44,8 @@ class SeenCells(NamedTuple):
 def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
     """Return which of the visible cells of level `Pyramid.occupied_level` decide how a volume is framed.
 
-    A picture stands here for the mean of three pictures of opacities, along the three axes. Each connected part of the
-    volume is kept or left out as a whole, and so are all faint cells together.
+    The share of a picture that cells add is measured on the mean of three pictures of opacities, along the three axes.
+    Each connected part of the volume is kept or left out as a whole, and so are all faint cells together.
 
     occupied: the cells of `Pyramid.occupied` that are not clipped away.
     """

@@ -1,4 +1,4 @@
-"""Transform a view to model units, and find the splats that it sees, in their order."""
+"""Transform a view to the coordinates of a batch of splats, and find the splats that it sees, in their order."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FOOTPRINT_SAMPLE = 4096
 
 
 class Model(Protocol):
-    """A coordinate system of a model: its origin in the world, float64 [3], and the world length of its unit."""
+    """A coordinate system of splats or bricks: its origin in the world, float64 [3], and its unit in world units."""
 
     @property
     def origin(self) -> Float64: ...
@@ -40,7 +40,7 @@ class Model(Protocol):
 
 
 def model_view(model: Model, view: View) -> ModelView:
-    """Return the view in the units of a model, from the model's origin. The translation is computed in float64."""
+    """Return the view in the coordinate system `model` of splats or bricks. The translation is computed in float64."""
     translation = view.view_from_world(model.origin) / model.model_unit
     perspective = view.projection == "perspective"
     scale_px = view.scale_px if perspective else view.scale_px * model.model_unit
@@ -71,10 +71,11 @@ class Region(NamedTuple):
 def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     """Return a rectangle of the image that holds all footprints of a batch of splats.
 
-    All splats have their centres in a ball about the model's origin, which is at (x0, z0) in view space, and at depths
-    of `nearest` or more. On the image, a centre at (x, z) is at most
-    `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` away from the model's origin. A footprint
-    reaches further by its cutoff radius, as projected at the largest angle to the view that SLOPE_LIMIT allows.
+    All splats have their centres in a ball with the radius `radius` about the model's origin, which is at (x0, z0) in
+    view space, and at depths of `nearest` or more. `scale` is the focal length in pixels. On the image, a centre at (x,
+    z) is at most `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` away from the model's
+    origin. A footprint reaches further by its cutoff radius, as projected at the largest angle to the view that
+    SLOPE_LIMIT allows.
     """
     size = np.array(camera.size)
     centers = batch.centers

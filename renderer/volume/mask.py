@@ -53,7 +53,10 @@ def meet_mask(voxels: UInt8, from_index: Float64, lows: Float64, highs: Float64)
 
 
 def _num_blocks(are_marked: Bools, low: Int64, high: Int64) -> Int64:
-    """Return the number of blocks with a marked voxel in half-open ranges of blocks (z, y, x): int64 [n]."""
+    """Return the number of blocks with a marked voxel in half-open ranges of blocks (z, y, x): int64 [n].
+
+    are_marked: which voxels are marked, [z, y, x]. low, high: the ends of the ranges, int64 [n, 3].
+    """
     blocks = reduce_blocks(np.logical_or, are_marked, _BLOCK)
     counts = np.pad(blocks.cumsum(0, np.int64).cumsum(1).cumsum(2), ((1, 0),) * 3)
     total = np.zeros(len(low), np.int64)

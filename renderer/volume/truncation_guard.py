@@ -38,7 +38,7 @@ def guard_mapping(file: MappedFile, values: Array) -> None:
     begin, end = np.lib.array_utils.byte_bounds(values)
     region = regions[free[0]]
     region[[0, 2, 3]] = begin & -mmap.PAGESIZE, descriptor, file.state[2]
-    region[1] = -(-end // mmap.PAGESIZE) * mmap.PAGESIZE  # the end is set last, as the handler uses regions with an end
+    region[1] = -(-end // mmap.PAGESIZE) * mmap.PAGESIZE  # set last, as the handler uses regions that have an end
     root: Any = values
     while isinstance(root, np.ndarray):
         root = root.base

@@ -3,7 +3,8 @@
 The reference for the kernels. It shares their inputs; `renderer.bricks.sampling` says what is drawn. It classifies,
 averages and interpolates the voxels with code of its own. Everything happens in index coordinates:
 
-    ray of a pixel -> its segment in a brick's box -> equal parts -> the field in the middle of each -> front to back
+    ray of a pixel -> its segment in a brick's box -> equal parts -> the field in the middle of each part
+                   -> the parts composited front to back
 
 N. Max, "Optical Models for Direct Volume Rendering", IEEE TVCG 1 (1995): the integral that the parts add up to.
 """
@@ -24,18 +25,24 @@ from renderer.transfer import MAX_NORMALIZED_SCALAR, VISIBILITY_THRESHOLD
 from renderer.view import View, visible_bricks
 from renderer.volume import Array, Bools, Float64, Int64, UInt32, Volume
 
-# As `rays.h` has them.
-DITHER, JITTER_PER_PX = 0.15, (3242174889, 2447445414)
+# The share by which the number of parts of a ray varies with the ray's phase, as in the kernels' header `rays.h`.
+DITHER = 0.15
+# The factors of a pixel's column and row in the hash from which its phase follows, as in the kernels' header `rays.h`.
+JITTER_PER_PX = (3242174889, 2447445414)
 
-# From rows and columns of pixels [n, 2], and the rays across each, to their colours [n, rays, 4].
+# A function from the rows and columns of pixels, [n, 2], and the number of rays along a pixel's side to the colours of
+# the rays, [n, rays, 4].
 DrawRays = Callable[[Int64, int], Float64]
-Fields = dict[int, Float64]  # by level, as of `_scalar_field` or `_mean_field`
+# The field of each level of bricks that was drawn: from `_scalar_field` for level 0, else from `_mean_field`.
+Fields = dict[int, Float64]
 
 
 @dataclass(frozen=True)
 class _Rays:
-    """Rays in index coordinates, `origins + t * directions`, all [n, 3], drawn from t = `starts` [n]; t is a world
-    length. phases: [n], of their pixels."""
+    """Rays in index coordinates: `origins + t * directions` for t from `starts` on, where t is a length in the world.
+
+    origins, directions: [n, 3]. starts: [n]. phases: [n], from 0 to 1, by which the parts of neighbouring rays differ.
+    """
 
     origins: Float64
     directions: Float64
@@ -43,7 +50,7 @@ class _Rays:
     phases: Float64
 
     def at(self, t: Float64) -> Float64:
-        """[n, 3], index coordinates."""
+        """Return the points of the rays at lengths t [n]: index coordinates, [n, 3]."""
         return self.origins + t[:, None] * self.directions
 
     def __getitem__(self, which: Array) -> _Rays:
@@ -51,7 +58,10 @@ class _Rays:
 
 
 def rasterize_bricks_reference(batch: BrickBatch, order: UInt32, view: View) -> Float64:
-    """Composite the bricks `order`, front to back: float64 [height, width, 4], premultiplied RGBA over nothing."""
+    """Return the picture of bricks: float64 [height, width, 4], premultiplied RGBA.
+
+    order: the numbers of the bricks to draw, front to back.
+    """
     strides = batch.screen_sampling.strides
     nodes = _pixel_grid(view.size, strides[0])
     fields: Fields = {}
@@ -133,7 +143,10 @@ def _several_rays(batch: BrickBatch, order: UInt32, view: View, at: Int64, acros
 
 
 def nudged(batch: BrickBatch, step: float, spread: float) -> BrickBatch:
-    """Return a batch with steps and a spread that are longer and larger, or shorter and smaller, by these shares."""
+    """Return a batch whose steps, and whose thresholds for interpolating pixels and for more rays, are changed.
+
+    They are multiplied by `1 + step` and by `1 + spread`.
+    """
     screen_sampling = replace(
         batch.screen_sampling,
         difference_threshold=batch.screen_sampling.difference_threshold * (1 + spread),
@@ -146,9 +159,9 @@ def nudged(batch: BrickBatch, step: float, spread: float) -> BrickBatch:
 def picture_at(
     bricks: Bricks, view: View, tolerance: float, shading: ShadingSpec | None = None, *, every_pixel: bool = True
 ) -> Float64:
-    """Composite what is drawn at a tolerance, of voxels about a pixel wide, by one ray a pixel.
+    """Return the picture of bricks at a tolerance, as if voxels were about a pixel wide, by one ray a pixel.
 
-    every_pixel: whether each pixel has one, or those of the grids at this tolerance.
+    every_pixel: whether every pixel is drawn; otherwise pixels of smooth regions are interpolated.
     """
     layers, cut = alone(bricks, shading), cut_bricks(bricks, tolerance)
     batch = make_brick_batch(cut, layers, tolerance=tolerance, voxel_px=1.0)
@@ -159,15 +172,21 @@ def picture_at(
 
 
 def _pixel_grid(size: tuple[int, int], stride: int) -> tuple[Int64, Int64]:
-    """Columns and rows of the pixels whose both are multiples of the stride, [rows, columns] each: as many as it takes
-    to have every pixel of the image among them or between them."""
+    """Return the columns and the rows of a lattice of pixels, [rows, columns] each.
+
+    Both are multiples of the stride. The last of them may lie outside of the image, so that every pixel of the image is
+    a node of the lattice or lies between nodes.
+    """
     columns, rows = (stride * np.arange((num - 1 + stride - 1) // stride + 1) for num in size)
     at_columns, at_rows = np.meshgrid(columns, rows)
     return at_columns, at_rows
 
 
 def _are_alike(nodes: Float64, spread: float) -> Bools:
-    """[rows, columns]: of nodes [rows, columns, 4], which four, the lowest of which has this place, do not differ."""
+    """Return, for each square of four neighbouring nodes, whether their colours are alike or linear: [rows, columns].
+
+    nodes: [rows, columns, 4], the RGBA of the nodes of a lattice. A square has the place of its upper left node.
+    """
     around = np.pad(nodes, ((1, 1), (1, 1), (0, 0)), mode="edge")
     along_row = np.abs(around[1:-1, :-2] - 2 * nodes + around[1:-1, 2:])
     along_column = np.abs(around[:-2, 1:-1] - 2 * nodes + around[2:, 1:-1])
@@ -177,13 +196,16 @@ def _are_alike(nodes: Float64, spread: float) -> Bools:
 
 
 def _corners(nodes: Float64) -> Float64:
-    """[4, rows, columns, ...]: each node and those to its right, below it and both; the last ones repeated."""
+    """Return each node, and its neighbours to the right, below, and diagonally below: [4, rows, columns, ...].
+
+    Beyond the last row and column, they are repeated.
+    """
     further = np.pad(nodes, ((0, 1), (0, 1)) + ((0, 0),) * (nodes.ndim - 2), mode="edge")
     return np.stack([further[:-1, :-1], further[:-1, 1:], further[1:, :-1], further[1:, 1:]])
 
 
 def _between(nodes: Float64, stride: int, columns: Int64, rows: Int64) -> Float64:
-    """[..., 4]: bilinear between the nodes [rows, columns, 4] of a lattice, at some pixels."""
+    """Return the RGBA of some pixels, [..., 4], interpolated bilinearly from a lattice's nodes [rows, columns, 4]."""
     corners = _corners(nodes)[:, rows // stride, columns // stride]
     down, right = (rows % stride / stride)[..., None], (columns % stride / stride)[..., None]
     upper = (1 - right) * corners[0] + right * corners[1]
@@ -194,12 +216,12 @@ def _between(nodes: Float64, stride: int, columns: Int64, rows: Int64) -> Float6
 def _rays(
     volume: Volume, view: View, columns: Int64, rows: Int64, x_px: Float64 | None = None, y_px: Float64 | None = None
 ) -> _Rays:
-    """Through the centres of pixels ([...] each, which may lie outside of the image), one after the other.
+    """Return the rays through the centres of pixels, which may lie outside of the image.
 
-    x_px, y_px: other positions, where pixel 0 is at 0; columns and rows then only choose the jitter.
-
-    They begin beside the volume's centre, on the plane through it that faces the camera: those of a distant eye would
-    be worth few digits. Where the centre is behind the eye they begin at the eye plane.
+    columns, rows: the places of the pixels, [...] each. x_px, y_px: other places of the rays, in pixels from the centre
+    of the pixel in the top left corner; columns and rows then choose the jitter alone. The origins of rays lie on the
+    plane through the volume's centre that faces the camera, as origins at a distant eye would leave few digits to
+    points in the volume. If the centre is behind the eye, the origins lie on the plane through the eye.
     """
     x = ((columns if x_px is None else x_px).ravel() + 0.5 - view.size[0] / 2) / view.scale_px
     y = (view.size[1] / 2 - (rows if y_px is None else y_px).ravel() - 0.5) / view.scale_px
@@ -211,7 +233,7 @@ def _rays(
     else:
         directions = np.broadcast_to([0.0, 0.0, -1.0], (len(x), 3))
         origins = np.stack([x, y, np.full_like(x, -depth)], axis=1)
-    per_depth = np.linalg.norm(directions, axis=1)  # world length
+    per_depth = np.linalg.norm(directions, axis=1)  # length in the world per depth
     index_from_view = np.linalg.inv(volume.world_from_index[:3, :3]) @ view.axes.T
     return _Rays(
         volume.centre_index + (origins - centre) @ index_from_view.T,
@@ -222,13 +244,16 @@ def _rays(
 
 
 def _phases(columns: Int64, rows: Int64) -> Float64:
-    """[n]: multiples of 2^-24 from 0 to 1."""
+    """Return the phases of the rays of pixels, [n]: multiples of 2^-24 from 0 to 1."""
     whole = columns * JITTER_PER_PX[0] + rows * JITTER_PER_PX[1] & 0xFFFFFFFF
     return np.asarray((whole >> 8) / 2.0**24)
 
 
 def _radiance(batch: BrickBatch, order: UInt32, rays: _Rays, fields: Fields) -> Float64:
-    """Composite all bricks, one after the other: [n, 4]. fields: those of earlier calls with this batch."""
+    """Return the RGBA of rays, [n, 4], through the bricks in this order.
+
+    fields: the fields that earlier calls with this batch have made, by level; this call adds to them.
+    """
     total = np.zeros((len(rays.starts), 4))
     for brick in order:
         enter, leave = _span(rays, batch.cut.visible_bounds[brick])
@@ -249,9 +274,10 @@ def _layer_of(batch: BrickBatch) -> BrickLayer:
 
 
 def _span(rays: _Rays, box: Float64) -> tuple[Float64, Float64]:
-    """World lengths [n] at which the rays enter and leave a box; the first is not below the second where they miss it.
+    """Return the lengths along rays at which they enter and leave a box, [n] each.
 
-    A ray within a face belongs to the box that lies above it.
+    If a ray misses the box, the first length is not below the second. A ray that runs within a face of boxes belongs to
+    the box above the face.
     """
     enter, leave = rays.starts.copy(), np.full(rays.starts.shape, np.inf)
     for axis in range(3):
@@ -267,9 +293,12 @@ def _span(rays: _Rays, box: Float64) -> tuple[Float64, Float64]:
 
 
 def _of_brick(batch: BrickBatch, brick: int, field: Float64, rays: _Rays, segment: tuple[Float64, Float64]) -> Float64:
-    """Integrate rays through a brick from one length to another ([n] each): [n, 4]. field: that of its level."""
+    """Return the RGBA of rays through a brick, [n, 4].
+
+    field: the field of the brick's level. segment: the lengths at which rays enter and leave the brick, [n] each.
+    """
     level, (enter, leave) = int(batch.cut.levels[brick]), segment
-    length = np.linalg.norm(rays.directions, axis=1) * (leave - enter) / 2**level  # in cells
+    length = np.linalg.norm(rays.directions, axis=1) * (leave - enter) / 2**level  # length in cells
     spread = 1 + DITHER * (rays.phases - 0.5)
     num_parts = np.maximum(1, np.floor(length / batch.steps[brick] * spread + 0.5 + rays.phases))
     num_parts += num_parts % 4 == 0
@@ -291,13 +320,13 @@ def _of_brick(batch: BrickBatch, brick: int, field: Float64, rays: _Rays, segmen
 
 
 def _scalar_field(batch: BrickBatch) -> Float64:
-    """Return the scalars relative to their range, [z + 2, y + 2, x + 2, 1], with the nearest voxels around the volume;
-    with shading [..., 4], their gradient in the world after them, times any factor.
+    """Return the scalars relative to their range, [z + 2, y + 2, x + 2, 1], with the nearest voxels around the volume.
 
-    All are rounded to float32, the precision in which bricks are stored.
+    With shading, it is [..., 4]: after each scalar comes a gradient in the world, of which only the direction counts.
+    All numbers are rounded to float32, the precision in which bricks are stored.
     """
     bricks = _layer_of(batch).bricks
-    halves = bricks.volume.values.astype(np.float64) / 2  # their differences are finite
+    halves = bricks.volume.values.astype(np.float64) / 2  # differences of halves are finite
     first, last = (end / 2 for end in bricks.scalar_range)
     limit = MAX_NORMALIZED_SCALAR
     channels = [np.clip((halves - first) / (last - first), -limit, limit)[..., None]]
@@ -309,9 +338,9 @@ def _scalar_field(batch: BrickBatch) -> Float64:
 
 
 def index_gradients(scalars: Float64) -> Float64:
-    """Return gradients [z, y, x, 3], along x, y, z: central differences, one-sided at the border, 0 along one voxel.
+    """Return gradients [z, y, x, 3], along x, y, z: central differences, one-sided at the border.
 
-    They are divided by the largest difference of two scalars.
+    Along an axis with a single voxel, gradients are 0. They are divided by the largest difference of two scalars.
     """
     scaled = scalars / (np.ptp(scalars) or 1.0)
     along = [np.gradient(scaled, axis=axis) if n > 1 else np.zeros_like(scaled) for axis, n in enumerate(scaled.shape)]
@@ -321,8 +350,8 @@ def index_gradients(scalars: Float64) -> Float64:
 def _mean_field(bricks: Bricks, level: int) -> Float64:
     """Return (tau c, tau) times the finest spacing at the centres of cells, [z + 2, y + 2, x + 2, 4].
 
-    The mean of a cell that the border cuts belongs to the middle of what is left of it. The field is linear from there
-    to the cell before and on to one cell beyond the border, as `renderer.bricks.texels` says.
+    If the border of the volume cuts a cell, its mean belongs to the middle of the part inside the volume. From there,
+    the field is linear to the cell before, and to one cell beyond the border, as `renderer.bricks.texels` says.
     """
     field = _cell_means(bricks, level)
     lighting = bricks.pyramid.classifier.lighting
@@ -340,7 +369,7 @@ def _mean_field(bricks: Bricks, level: int) -> Float64:
 
 
 def _held(channels: Float64, brightest: float) -> Float64:
-    """Return (tau c, tau) not below 0, and no colour above the brightest, by more than 11 bits leave of it."""
+    """Return (tau c, tau), held to at least 0, and to colours of at most `brightest` plus a rounding of 11 bits."""
     depths = np.maximum(channels[..., 3:], 0.0)
     return np.concatenate([np.clip(channels[..., :3], 0.0, depths * brightest * (1 + 2.0**-9)), depths], axis=-1)
 
@@ -356,7 +385,7 @@ def _cell_means(bricks: Bricks, level: int) -> Float64:
         gradients = index_gradients(scalars / 2) @ np.linalg.inv(bricks.volume.world_from_index[:3, :3])
         colors = colors * light_factor(shading, gradients.reshape(-1, 3)).reshape(*scalars.shape, 1)
     weights = extinctions[..., None] * bricks.volume.finest_spacing
-    if pyramid.max_depth is not None:  # opacities are averaged
+    if pyramid.max_depth is not None:  # the pyramid averages opacities in place of extinctions
         weights = -np.expm1(-weights)
     weights = np.where(weights < VISIBILITY_THRESHOLD, 0.0, weights)
     means = means_over_cells(np.concatenate([colors * weights, weights], axis=-1), level)
@@ -369,8 +398,11 @@ def _cell_means(bricks: Bricks, level: int) -> Float64:
 
 
 def _trilinear(field: Float64, at: Float64) -> Float64:
-    """Return [n, k]: a field [z + 2, y + 2, x + 2, k] at points (x, y, z) in cells from the volume's lowest corner."""
-    place = at + 0.5  # in `field`, of which index 1 is the centre of the first cell
+    """Return a field [z + 2, y + 2, x + 2, k], interpolated trilinearly at some points: [n, k].
+
+    at: the points (x, y, z), [n, 3], in cells from the volume's lowest corner.
+    """
+    place = at + 0.5  # index 1 of `field` is the centre of the first cell
     low = np.clip(np.floor(place).astype(int), 0, np.array(field.shape[2::-1]) - 2)
     share = place - low
     total = np.zeros((len(at), field.shape[-1]))
@@ -381,7 +413,10 @@ def _trilinear(field: Float64, at: Float64) -> Float64:
 
 
 def _classified(batch: BrickBatch, texel: Float64) -> Float64:
-    """[n, 4]: (tau c, tau) times the finest spacing of interpolated texels, (u) or (u, world gradient)."""
+    """Return (tau c, tau) times the finest spacing, [n, 4].
+
+    texel: interpolated texels, [n, 1] or [n, 4]: a scalar relative to its range or, with shading, also its gradient.
+    """
     rows = _layer_of(batch).bricks.pieces.rows
     k = np.searchsorted(rows[:, 0], texel[:, 0], side="right")
     offset = (texel[:, 0] - rows[k, 1])[:, None]
@@ -392,7 +427,10 @@ def _classified(batch: BrickBatch, texel: Float64) -> Float64:
 
 
 def light_factor(shading: ShadingSpec, gradient: Float64) -> Float64:
-    """[n]: what the colour is multiplied by, Lambert's law for a surface that faces down a world gradient [n, 3]."""
+    """Return the factors on colours by Lambert's law, [n].
+
+    gradient: gradients in the world, [n, 3]. The lit surface faces against its gradient.
+    """
     length = np.linalg.norm(gradient, axis=1)
     toward_light = -gradient @ (np.array(shading.light) / np.linalg.norm(shading.light))
     cosine = np.divide(toward_light, length, out=np.zeros_like(length), where=length > 0)

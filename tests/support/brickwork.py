@@ -29,7 +29,8 @@ from renderer.volume import Float32, Float64, Int32, UInt8, UInt32, Volume, make
 EXACTLY = ScreenSampling((1,), 0.0, 0.0)
 
 LIT = ShadingSpec(0.3, 0.7, (1.0, -0.5, 2.0))
-# As numbers of the light that depends on the view, and of factors on extinction for gradients of `hills`.
+# A shading that depends on the view: a light at the camera, highlights, and factors on extinction by gradients, chosen
+# for the gradients of `hills`.
 GLOSSY = ShadingSpec(0.2, 0.6, "camera", 0.4, 20.0, True, ((0.01, 0.1), (0.2, 1.0), (0.4, 0.5)))
 EACH_SHADING = pytest.mark.parametrize("shading", [None, LIT], ids=["plain", "lit"])
 
@@ -41,7 +42,8 @@ AFFINES = {
     "left-handed": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.2], [0.0, 0.0, 1.0]]),
 }
 
-# Shading transforms gradients by the affine; without it two affines show that plain samples are drawn.
+# Affines, each with a shading or without. Shading transforms gradients by the affine, so that it is tested with all
+# affines. Without shading, two affines are enough.
 SHADED_AFFINES = pytest.mark.parametrize(
     ("affine", "shading"),
     [*((affine, LIT) for affine in AFFINES), ("straight", None), ("sheared", None)],
@@ -52,7 +54,7 @@ CAMERAS = ("perspective", "orthographic", "inside", "near", "face")
 
 
 def placed(values: npt.ArrayLike, affine: Float64 | None = None) -> Volume:
-    """A volume of [z, y, x] voxels, far from the world's origin where it is not straight."""
+    """Return a volume of voxels [z, y, x]. With an affine [3, 3], it lies away from the world's origin."""
     world_from_index = np.eye(4)
     if affine is not None:
         world_from_index[:3, :3] = affine
@@ -61,7 +63,7 @@ def placed(values: npt.ArrayLike, affine: Float64 | None = None) -> Volume:
 
 
 def hills(shape: tuple[int, int, int], wave: float) -> Float32:
-    """float32 [z, y, x] in [0, 1]: smooth, with a wavelength of so many voxels."""
+    """Return smooth waves in [0, 1], float32 [z, y, x]. wave: their wavelength in voxels."""
     z, y, x = np.ogrid[tuple(map(slice, shape))]
     k = 2 * np.pi / wave
     waves = np.sin(k * x + 0.3) * np.cos(k * y * 0.9) + np.sin(k * z * 1.1 + k * x / 2) * np.cos(k * y / 2)
@@ -69,7 +71,7 @@ def hills(shape: tuple[int, int, int], wave: float) -> Float32:
 
 
 def transfer_of(*points: tuple[float, tuple[float, float, float], float]) -> TransferFunction:
-    """By (value, colour, extinction)."""
+    """Return the transfer function with these control points: (value, colour, extinction) each."""
     values, colors, extinctions = zip(*points, strict=True)
     return TransferFunction(np.array(values, float), np.array(colors, float), np.array(extinctions, float), 1.0)
 
@@ -81,14 +83,14 @@ def bricks_of(
     precision: str = "single",
     error: ErrorSpec | None = None,
 ) -> Bricks:
-    """All bricks, of means in single precision."""
+    """Return the bricks of a volume, of all levels."""
     spec = PyramidSpec(precision=precision)  # type: ignore[arg-type]
     baked = shading and shading.lambert
     return make_bricks(volume, transfer, spec=spec, error=error or ErrorSpec(), shading=baked, num_threads=1)
 
 
 def random_cut(bricks: Bricks, seed: int, finest_level: int = 0) -> BrickCut:
-    """Leaves of any levels that cover all that is visible; chance decides which bricks below the root are divided."""
+    """Return a cut of bricks of mixed levels that cover all visible voxels. Chance decides which bricks are divided."""
     rng = np.random.default_rng(seed)
     nodes = np.zeros((1, 3), np.int32)
     levels, cells = [], []
@@ -103,14 +105,14 @@ def random_cut(bricks: Bricks, seed: int, finest_level: int = 0) -> BrickCut:
 
 
 def level_cut(bricks: Bricks, level: int) -> BrickCut:
-    """All visible bricks of one level."""
+    """Return the cut of all visible bricks of one level."""
     shape = bricks.levels[level].visible_bounds.shape[:3]
     cells = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)[:, ::-1]
     return cut_of_bricks(bricks, np.full(len(cells), level, np.uint8), cells.astype(np.int32))
 
 
 def cut_of_bricks(bricks: Bricks, levels: UInt8, cells: Int32) -> BrickCut:
-    """The cut of some bricks, less those that show nothing."""
+    """Return the cut of some bricks, without bricks that show nothing."""
     boxes, step_errors = np.empty((len(levels), 2, 3)), np.empty(len(levels))
     for i, (level, (x, y, z)) in enumerate(zip(levels, cells, strict=True)):
         of_level = bricks.levels[level]
@@ -121,7 +123,7 @@ def cut_of_bricks(bricks: Bricks, levels: UInt8, cells: Int32) -> BrickCut:
 
 
 def alone(bricks: Bricks, shading: ShadingSpec | None = None) -> BrickLayers:
-    """The bricks of a single layer."""
+    """Return bricks as the only layer of a scene."""
     return BrickLayers((BrickLayer(bricks, shading),))
 
 
@@ -133,7 +135,7 @@ def batch_of(
     shading: ShadingSpec | None = None,
     screen_sampling: ScreenSampling = EXACTLY,
 ) -> BrickBatch:
-    """A batch by hand: one step for all, or one for each level."""
+    """Return a batch of the bricks of a cut. step: the step of all bricks, or a step for each level, in cells."""
     volume = cut.volume
     steps = np.broadcast_to(np.asarray(step, np.float64), len(bricks.levels))[cut.levels]
     return BrickBatch(cut, alone(bricks, shading), steps, screen_sampling, volume.centre, volume.half_diagonal)
@@ -142,7 +144,11 @@ def batch_of(
 def view_of(
     volume: Volume, camera: str, size: tuple[int, int] = (20, 15), azimuth: float = 28.0, elevation: float = 15.0
 ) -> View:
-    """The whole volume from outside, or from inside: within a brick, or (`face`) on the faces between bricks."""
+    """Return a view of a volume.
+
+    camera: one of CAMERAS: from outside (also `near`, whose near plane cuts the volume), from `inside` a brick, or from
+    the faces between bricks (`face`).
+    """
     diameter = float(np.linalg.norm(volume.world_from_index[:3, :3] @ np.array(volume.shape_xyz)))
     outside = look(
         "orthographic" if camera == "orthographic" else "perspective",
@@ -162,5 +168,5 @@ def view_of(
 
 
 def ordered(cut: BrickCut, view: View) -> UInt32:
-    """All bricks, front to back."""
+    """Return the numbers of all bricks of a cut, front to back."""
     return box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1].astype(np.uint32)

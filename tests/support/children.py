@@ -1,4 +1,4 @@
-"""Programs for tests of child processes: `children NAME`, which prints a word when it is at work."""
+"""Programs for tests of child processes. The argument names the program, which prints a word when it is at work."""
 
 from __future__ import annotations
 

@@ -16,17 +16,17 @@ HSPLAT = (sys.executable, "-m", "hsplat_cli")
 
 
 def environment(**variables: str) -> dict[str, str]:
-    """Return this environment with these variables; Python finds the hsplat under test there."""
+    """Return this process's environment with these variables, in which Python finds the hsplat under test."""
     return os.environ | {"PYTHONPATH": str(CODE)} | variables
 
 
 def hsplat(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    """Run the command to its end."""
+    """Run `hsplat` with these arguments to its end. variables: further variables of its environment."""
     return python("-m", "hsplat_cli", *arguments, **variables)
 
 
 def python(*arguments: str | bytes, folder: str | Path = ".", **variables: str) -> subprocess.CompletedProcess[str]:
-    """Run Python with the hsplat under test to its end, in a folder."""
+    """Run Python, which finds the hsplat under test, in a folder to its end."""
     return subprocess.run(
         [sys.executable, *arguments],
         cwd=folder, check=False, capture_output=True, text=True, env=environment(**variables),
@@ -35,7 +35,10 @@ def python(*arguments: str | bytes, folder: str | Path = ".", **variables: str) 
 
 @contextmanager
 def other_process(imports: str, block: str) -> Iterator[int]:
-    """Let another process stay in a block, such as one that holds a lock, and yield its id."""
+    """Run another process that enters a `with` block, such as one that holds a lock; yield the process's id.
+
+    The process leaves its block when this block ends. imports, block: its Python code.
+    """
     program = (
         f"import sys\nfrom pathlib import Path\n{imports}\nwith {block}:\n    print(flush=True)\n    sys.stdin.read()"
     )

@@ -1,4 +1,4 @@
-"""Means and errors of all cells of a level, and fields, in plain numpy over whole volumes."""
+"""Compute means and errors of all cells of a level, in plain numpy over whole volumes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OBLIQUE = np.array([[0.5, 0.2, -0.1, 3.0], [0.1, -0.9, 0.3, -2.0], [0.0, 0.4, 2.
 
 
 def patches(shape: Shape, seed: int, side: int = 6) -> Float64:
-    """Return noise in some blocks, and 0 around them, [z, y, x] in [0, 1]."""
+    """Return noise in [0, 1] in some blocks of `side` voxels, and 0 around them, [z, y, x]."""
     rng = np.random.default_rng(seed)
     is_block = rng.random([-(-n // side) for n in shape]) < 0.2
     inside = np.kron(is_block, np.ones((side,) * 3, bool))[: shape[0], : shape[1], : shape[2]]
@@ -24,7 +24,10 @@ def patches(shape: Shape, seed: int, side: int = 6) -> Float64:
 
 
 def depths_of(volume: Volume, transfer: TransferFunction) -> Float64:
-    """Return (tau c, tau) times the finest spacing, [z, y, x, 4]."""
+    """Return extinction times colour, and extinction (tau c, tau), of each voxel, times the finest spacing.
+
+    Returns [z, y, x, 4].
+    """
     colors, extinctions = transfer.classify(volume.values)
     depths = extinctions[..., None] * volume.finest_spacing
     depths[depths < VISIBILITY_THRESHOLD] = 0.0
@@ -32,20 +35,22 @@ def depths_of(volume: Volume, transfer: TransferFunction) -> Float64:
 
 
 def sums_over_cells(values: Array, level: int) -> Float64:
-    """Return the sums [z, y, x, ...] over the cells of a level, which the border may cut."""
+    """Return the sums of voxels' values in each cell of a level, [z, y, x, ...]. The border may cut the last cells."""
     for axis in range(3):
         values = np.add.reduceat(values, np.arange(0, values.shape[axis], 1 << level), axis)
     return np.asarray(values, np.float64)
 
 
 def means_over_cells(values: Array, level: int) -> Float64:
-    """Return the means [z, y, x, c] over the cells of a level."""
+    """Return the means of voxels' values in each cell of a level, [z, y, x, c]."""
     return np.asarray(sums_over_cells(values, level) / sums_over_cells(np.ones(values.shape[:3]), level)[..., None])
 
 
 def spread_of_cells(values: Float64, level: int) -> Float64:
-    """Return the root of the summed variance of values [z, y, x, c] in the cells of a level, [z, y, x]; in two passes,
-    without cancellation."""
+    """Return the root of the variance, summed over channels, of voxels' values in each cell of a level, [z, y, x].
+
+    values: [z, y, x, c]. It takes the differences from the means, which has no cancellation.
+    """
     means = means_over_cells(values, level)
     for axis in range(3):
         means = np.repeat(means, 1 << level, axis).take(range(values.shape[axis]), axis)
@@ -53,15 +58,17 @@ def spread_of_cells(values: Float64, level: int) -> Float64:
 
 
 def errors_of_cells(volume: Volume, values: Float64, level: int) -> Float64:
-    """Return the spread of values [z, y, x, c], times the cube root of the cell's volume in units of the finest
-    spacing."""
+    """Return the error of each cell of a level, [z, y, x]: the spread of its voxels' values, times its side.
+
+    values: [z, y, x, c]. The side is the cube root of the cell's volume, in units of the finest spacing.
+    """
     num_voxels = sums_over_cells(np.ones(values.shape[:3]), level)
     sides = np.cbrt(num_voxels * volume.voxel_volume) / volume.finest_spacing
     return np.asarray(spread_of_cells(values, level) * sides)
 
 
 def per_brick(values: Array, side: int, halo: int = 0) -> dict[tuple[int, int, int], Array]:
-    """Return, by brick (x, y, z), the part of an array [z, y, x, ...] that lies in it, or in its halo."""
+    """Return the part of an array [z, y, x, ...] that lies in each brick, or in its halo, by brick (x, y, z)."""
 
     def reach(k: int) -> slice:
         return slice(max(k * side - halo, 0), (k + 1) * side + halo)
@@ -71,8 +78,11 @@ def per_brick(values: Array, side: int, halo: int = 0) -> dict[tuple[int, int, i
 
 
 def ranges_of_dual_cells(volume: Volume) -> tuple[Float64, Float64]:
-    """[z + 1, y + 1, x + 1] each: the smallest and the largest corner of a dual cell; cell (k, j, i) lies between the
-    voxels before and at (k, j, i), or the nearest ones."""
+    """Return the smallest and the largest of the eight voxels around each dual cell, [z + 1, y + 1, x + 1] each.
+
+    Dual cell (k, j, i) lies between voxels (k - 1, j - 1, i - 1) and (k, j, i). Outside of the volume, the nearest
+    voxel counts.
+    """
     scalars = np.pad(volume.values.astype(np.float64), 1, mode="edge")
     low = high = scalars
     for axis in range(3):
@@ -84,18 +94,20 @@ def ranges_of_dual_cells(volume: Volume) -> tuple[Float64, Float64]:
 
 
 def channels_of(transfer: TransferFunction, finest_spacing: float) -> Float64:
-    """Return (tau c, tau) times the finest spacing at the control values, [n, 4]."""
+    """Return (tau c, tau) times the finest spacing at the control points of a transfer function, [n, 4]."""
     depths = transfer.extinctions[:, None] * finest_spacing
     return np.concatenate([transfer.colors * depths, depths], axis=1)
 
 
 def between_scalars(low: Float64, high: Float64, values: Float64, points: Float64) -> tuple[Float64, Float64, Float64]:
-    """[...] each: D^2, width^2 and J^2 from low to high scalars, as the kernel `subvoxel.cpp` has them, of `points`
-    [n, c] at control `values`. D by Simpson's rule, exact for squares of what is linear, in every piece that is in the
-    range."""
+    """Return D^2, width^2 and J^2 between two scalars, as the kernel `subvoxel.cpp` defines them, [...] each.
+
+    low, high: the scalars, [...] each. values: the control values, [n]. points: the channels at them, [n, c].
+    D is integrated in each linear piece by Simpson's rule, which is exact there.
+    """
 
     def linear(k: int, at: Float64) -> Float64:
-        """Return the line through the points before and at k, constant at the ends."""
+        """Return the line through control points k - 1 and k at some scalars; constant beyond the outermost points."""
         first, last = max(k - 1, 0), min(k, len(values) - 1)
         width = values[last] - values[first]
         share = ((at - values[first]) / width if width > 0 else np.zeros_like(at))[..., None]
@@ -122,7 +134,7 @@ def between_scalars(low: Float64, high: Float64, values: Float64, points: Float6
         squares += share * (three[0] + 4 * three[1] + three[2]) / 6
         rise = ((off(stop) - off(start)) ** 2).sum(axis=-1)
         slopes += np.where(start < stop, rise / np.maximum(share, 1 / 16), 0.0)
-    for value in np.unique(values):  # a step rises as what is as narrow as can be
+    for value in np.unique(values):  # a step counts as a slope of the smallest width, 1 / 16
         jump = points[values == value][-1] - points[values == value][0]
         slopes += np.where((low < value) & (value <= high), 16 * (jump**2).sum(), 0.0)
     width = np.where(slopes > 0, 12 * squares / np.where(slopes > 0, slopes, 1.0), 1.0)
@@ -131,14 +143,17 @@ def between_scalars(low: Float64, high: Float64, values: Float64, points: Float6
 
 
 def dual_cells(brick: tuple[int, int, int], side: int) -> tuple[slice, slice, slice]:
-    """Return the slices of arrays as of `ranges_of_dual_cells` that meet a brick (x, y, z) of `side` voxels."""
+    """Return the slices of an array of dual cells that meet a brick (x, y, z) of `side` voxels along each axis."""
     x, y, z = (slice(k * side, (k + 1) * side + 1) for k in brick)
     return z, y, x
 
 
 def errors_of_bricks(volume: Volume, transfer: TransferFunction, level: int) -> dict[tuple[int, int, int], float]:
-    """By brick (x, y, z) of a level above 0, the largest error of its nodes and its halo's, of what shows between
-    its voxels only, and of their differences, as of such a node; times that of a ray."""
+    """Return the error of each brick of a level above 0, by brick (x, y, z).
+
+    It is the largest error of the nodes in the brick and its halo, of variation between voxels that no voxel shows, and
+    of differences between neighbouring voxels, times RAY_ERROR_FACTOR.
+    """
     nodes = per_brick(errors_of_cells(volume, depths_of(volume, transfer), level), 16, halo=1)
     distances, _, jumps = between_scalars(
         *ranges_of_dual_cells(volume), transfer.values, channels_of(transfer, volume.finest_spacing)

@@ -15,9 +15,11 @@ from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, ImplicitVRLittle
 
 Array = npt.NDArray[np.generic]
 
-# Of a tilted series.
+# The direction along the rows of the slices of a tilted series.
 ROW = np.array([0.0, 0.8, 0.6])
+# The direction along the columns of the slices of a tilted series.
 COLUMN = np.array([1.0, 0.0, 0.0])
+# The direction from slice to slice of a tilted series.
 NORMAL = np.cross(ROW, COLUMN)
 
 
@@ -26,9 +28,10 @@ def _text(numbers: Sequence[float] | Array) -> list[str]:
 
 
 def image_fields(values: Array, *, uid: str = "1.2.3.4", **fields: Any) -> Dataset:
-    """Return a CT image of stored `values` [y, x] or [frame, y, x], pixels 0.5 wide and 0.25 high.
+    """Return a dataset of a CT image. Its pixels are 0.5 mm wide and 0.25 mm high.
 
-    fields: others by their keywords; None removes one.
+    values: the stored values, [y, x] or [frame, y, x]. fields: further fields of the dataset, by their keywords; None
+    removes a field.
     """
     dataset = Dataset()
     dataset.file_meta = FileMetaDataset()
@@ -51,7 +54,10 @@ def image_fields(values: Array, *, uid: str = "1.2.3.4", **fields: Any) -> Datas
 
 
 def dicom_bytes(dataset: Dataset, syntax: str = ExplicitVRLittleEndian) -> bytes:
-    """Return a file with a preamble. syntax: by which pydicom can write, or has compressed the dataset."""
+    """Return a DICOM file with a preamble.
+
+    syntax: a transfer syntax that pydicom can write, or by which the dataset's pixels are compressed.
+    """
     out = io.BytesIO()
     dataset.file_meta.TransferSyntaxUID = syntax
     dataset.save_as(out, enforce_file_format=True)
@@ -59,7 +65,7 @@ def dicom_bytes(dataset: Dataset, syntax: str = ExplicitVRLittleEndian) -> bytes
 
 
 def save(path: Path, dataset: Dataset) -> None:
-    """Write a dataset with a preamble."""
+    """Write a dataset as a DICOM file with a preamble."""
     dataset.save_as(path, enforce_file_format=True)
 
 
@@ -73,7 +79,7 @@ def write_slice(
     uid: str = "1.2.3.4",
     name: str = "scan",
 ) -> None:
-    """Write one CT slice of `values` [y, x], from which the intercept is subtracted before they are stored."""
+    """Write a CT slice of `values` [y, x], which are stored without the intercept that readers add again."""
     stored = (values - intercept).astype(np.int16)
     dataset = image_fields(stored, uid=uid, SeriesDescription=name, RescaleIntercept=str(intercept), RescaleSlope="1")
     dataset.ImagePositionPatient = _text(position)
@@ -82,8 +88,10 @@ def write_slice(
 
 
 def write_series(folder: Path, positions: Sequence[Array]) -> Array:
-    """Write slices that hold their number at the first pixel; file names run backwards, so that they say nothing about
-    the order."""
+    """Write a slice at each position, and return their values, [z, y, x].
+
+    The first pixel of each slice is its number. File names run backwards, so that their order is of no help.
+    """
     planes = np.zeros((len(positions), 6, 5))
     planes[:, 0, 0] = np.arange(len(positions))
     planes[:, 1, 2] = 100
@@ -93,8 +101,11 @@ def write_series(folder: Path, positions: Sequence[Array]) -> Array:
 
 
 def functional_groups(values: Array, order: Sequence[int], *, spacing: float = 7.0) -> Dataset:
-    """Return an enhanced image of `values` from -1000 on, [frame, y, x], stored in this order; its frames have
-    functional groups."""
+    """Return the dataset of an enhanced image, whose frames have functional groups.
+
+    values: at least -1000, [frame, y, x]. order: the numbers of the frames, in the order in which they are stored.
+    spacing: the distance between frames.
+    """
     measures, plane, transform = Dataset(), Dataset(), Dataset()
     measures.PixelSpacing = ["0.25", "0.5"]
     plane.ImageOrientationPatient = ["1", "0", "0", "0", "1", "0"]

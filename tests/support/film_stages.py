@@ -1,4 +1,4 @@
-"""Stages of small films, one for each kind of data that a process needs to draw."""
+"""Make stages of small films, one for each kind of data that a process needs to draw a film."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ KEYS = (Keyframe(0, 0.0, 0.0), Keyframe(3, 40.0, 30.0, 2.0), Keyframe(6, -20.0, 
 
 
 def scheduled(*entries: tuple[int, float]) -> Any:
-    """Return a value by frame, as an error schedule has it."""
+    """Return a value that moves over frames, as in the section `error`. entries: keys, each a frame and its value."""
     frames, values = zip(*entries, strict=True)
     return moving(Motion(frames, values, kind="ratio"))
 
@@ -79,7 +79,7 @@ SCENES = {
 
 
 def stage_of(scene: Scene, volume: Volume | None = None) -> Stage:
-    """Prepare the stage of a scene, on one thread."""
+    """Return the stage of a scene, prepared on one thread. volume: drawn in place of the scene's volume."""
     volumes = None if volume is None else [volume]
     return prepare_stage(scene, clock=itertools.count().__next__, num_threads=1, volumes=volumes)
 
@@ -90,7 +90,7 @@ def plan_of(stage: Stage) -> FilmPlan:
 
 
 def waves(dtype: str) -> Volume:
-    """Return a sheared volume with values from 0 to 255."""
+    """Return a sheared volume of smooth waves with values from 0 to 255."""
     z, y, x = np.indices((18, 22, 26))
     values = 127.5 + 127.5 * np.sin(x / 3.0) * np.cos(y / 4.0) * np.sin(z / 5.0 + x / 7.0)
     world_from_index = np.eye(4)
@@ -98,7 +98,7 @@ def waves(dtype: str) -> Volume:
     return make_volume(values.astype(dtype), world_from_index, "waves")
 
 
-# A scene, and the type of a volume that is drawn in place of the scene's.
+# Scenes by name. If a scene has a dtype beside it, `waves` of this dtype are drawn in place of the scene's volume.
 KINDS: dict[str, tuple[Scene, str | None]] = {name: (scene, None) for name, scene in SCENES.items()} | {
     "float32": (PLAIN, "float32"),
     "float32, shading": (LIT, "float32"),
@@ -108,6 +108,6 @@ KINDS: dict[str, tuple[Scene, str | None]] = {name: (scene, None) for name, scen
 
 
 def stage_of_kind(kind: str) -> Stage:
-    """Prepare the stage of one of KINDS."""
+    """Return the stage of a scene in KINDS. kind: the name of the scene."""
     scene, dtype = KINDS[kind]
     return stage_of(scene, None if dtype is None else waves(dtype))

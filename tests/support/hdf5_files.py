@@ -13,7 +13,7 @@ from renderer.volume import Array
 
 VALUES: Array = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
 
-# Attributes of a dataset of coordinates, by the name of the axis.
+# By the name of an axis: the attributes of the dataset of the coordinates along this axis.
 Coordinates = Mapping[str, Mapping[str, Any]]
 
 
@@ -24,7 +24,11 @@ def write_netcdf(
     numbers: Mapping[str, Sequence[float]] | None = None,
     **attributes: Any,
 ) -> Path:
-    """Write a variable with coordinates along its axes, which are 0, 1, 2 and so on if no numbers are given."""
+    """Write a netCDF file of one variable with coordinates along its axes.
+
+    numbers: the coordinates, by the names of axes; 0, 1, 2 and so on for other axes. attributes: attributes of
+    the variable.
+    """
     with h5py.File(path, "w") as file:
         dataset = file.create_dataset("t", data=values)
         dataset.attrs.update(attributes)
@@ -43,7 +47,10 @@ def write_nexus(
     group: Mapping[str, Any] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a group NXdata in an entry. fields: datasets in it. group: its attributes. units: of datasets in it."""
+    """Write a NeXus file with a group NXdata in an entry.
+
+    fields: further datasets of the group, by name. group: attributes of the group. units: units of datasets, by name.
+    """
     with h5py.File(path, "w") as file:
         file.create_group("entry").attrs["NX_class"] = "NXentry"
         data = file.create_group("entry/data")
@@ -57,7 +64,7 @@ def write_nexus(
 
 
 def write_emd(path: Path, values: Array = VALUES, **dims: tuple[Sequence[float], Mapping[str, str]]) -> Path:
-    """Write a group of EMD. dims: numbers and attributes of the coordinates, by their names, such as `dim1`."""
+    """Write an EMD file. dims: the numbers and attributes of datasets of coordinates, by name, such as `dim1`."""
     with h5py.File(path, "w") as file:
         group = file.create_group("data/tomogram")
         group.attrs["emd_group_type"] = 1
@@ -81,7 +88,7 @@ def write_imaris(
     num_levels: int = 1,
     info: Mapping[str, Mapping[str, object]] | None = None,
 ) -> Path:
-    """Write an image of Imaris with channels [z, y, x]. info: attributes of the groups in DataSetInfo."""
+    """Write an Imaris file. values: the channels, [z, y, x] each. info: attributes of the groups in DataSetInfo."""
     with h5py.File(path, "w") as file:
         file.attrs["ImarisDataSet"] = characters("ImarisDataSet")
         for level in range(num_levels):
@@ -107,7 +114,10 @@ def write_bdv(
     padding: int = 0,
     xml: str = "",
 ) -> Path:
-    """Write setups of BigDataViewer, [z, y, x]; each time has values 1 larger. xml: what is in the file beside it."""
+    """Write a BigDataViewer file of setups, [z, y, x] each, whose values grow by 1 with each time.
+
+    xml: the content of the XML file beside it; empty for no such file.
+    """
     with h5py.File(path, "w") as file:
         for setup, values in enumerate(setups):
             factors = [[2**level] * 3 for level in range(num_levels)]

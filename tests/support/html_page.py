@@ -10,7 +10,7 @@ _VOID = {"meta", "img", "br", "hr", "input"}
 
 
 class Page(HTMLParser):
-    """Tags, attributes and texts of a page; an element that is not closed in its place is an AssertionError."""
+    """An HTML page: its tags, attributes and texts. An element that is not closed in its place is an AssertionError."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -38,17 +38,17 @@ class Page(HTMLParser):
         self.words.append(data)
 
     def values(self, name: str) -> list[str]:
-        """Return the values of an attribute, on any element."""
+        """Return the values of an attribute in all elements of the page that have it."""
         return [value for _, attribute, value in self.attributes if attribute == name]
 
     @property
     def prose(self) -> str:
-        """All words, with single spaces."""
+        """Return all words of the page, with single spaces between them."""
         return " ".join(" ".join(self.words).split())
 
 
 def assert_sound_and_alone(text: str) -> None:
-    """Require one document that loads nothing, whose references lead to places of its own."""
+    """Raise AssertionError unless a page is one document that loads nothing and refers only to places in itself."""
     page = Page(text)
     assert page.tags["html"] == page.tags["body"] == page.tags["h1"] == 1
     assert page.tags["link"] == page.tags["iframe"] == page.tags["object"] == page.tags["base"] == 0
@@ -61,7 +61,10 @@ def assert_sound_and_alone(text: str) -> None:
 
 
 def assert_can_be_heard(text: str) -> None:
-    """Require a text for each picture and plot that is no decoration, and a scope for each heading of a table."""
+    """Raise AssertionError unless screen readers find a text for each picture and a scope for each table heading.
+
+    Pictures that are decoration need no text.
+    """
     page = Page(text)
     assert page.tags["img"] == sum(
         tag == "img" and name == "alt" and value != "" for tag, name, value in page.attributes

@@ -41,7 +41,7 @@ from renderer.kernels.records import """
 
 
 def records() -> str:
-    """Return the content of records.py."""
+    """Return the content of renderer/kernels/records.py."""
     header = read_headers(SOURCES)
     names = [name for name in header.names if name not in header.arguments.values()]
     return "\n".join([_RECORDS_HEAD, *(line for name in names for line in _record(name, header.struct_named(name)))])
@@ -61,7 +61,7 @@ def _record(name: str, struct: Struct) -> Iterator[str]:
 
 
 def signatures() -> str:
-    """Return the content of signatures.pyi."""
+    """Return the content of renderer/kernels/signatures.pyi."""
     header = read_headers(SOURCES)
     structs = {name: header.struct_of(name) for name in header.arguments}
     lines = [line for kernel in structs.values() for line in _protocols(kernel)]
@@ -78,7 +78,9 @@ def signatures() -> str:
 
 
 def _protocols(kernel: Struct) -> Iterator[str]:
-    """Yield the types of a kernel that has members of each call, and of the function that its `partial` returns."""
+    """Yield the lines of the types of a kernel and of the function that its `partial` returns; none without `partial`.
+
+    A kernel has `partial` if some members of its struct are given anew at each call."""
     of_call = _members_of_call(kernel)
     if not of_call:
         return

@@ -19,19 +19,19 @@ def volume_of(values: Array, spacing: float = 1.0) -> Volume:
 
 
 def sample_of(values: Array, spacing: float = 1.0) -> VoxelSample:
-    """Return the voxels that a suggestion looks at."""
+    """Return the sample of voxels from which a look is suggested."""
     volume = volume_of(values, spacing)
     return sample_volume(volume, compute_statistics(volume.values))
 
 
 def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) -> Suggestion:
-    """Return what is suggested for a volume."""
+    """Return the look that is suggested for a volume of these values."""
     volume = volume_of(values, spacing)
     return suggest(volume, compute_statistics(volume.values), Wish(colormap))
 
 
 def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:
-    """Return the extinction of each value, or label."""
+    """Return the extinction that a transfer function gives to each value, or label."""
     if transfer.labels is not None:
         shown = transfer.labels.values
         values = tuple(shown.index(each) + 1 if each in shown else 0 for each in values)
@@ -39,18 +39,18 @@ def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> 
 
 
 def axes(n: int = N) -> tuple[Array, Array, Array]:
-    """z, y, x from -1 to 1, [n, n, n] each."""
+    """Return the coordinates z, y, x of voxels, from -1 to 1, [n, n, n] each."""
     z, y, x = np.meshgrid(*[np.linspace(-1, 1, n)] * 3, indexing="ij")
     return z, y, x
 
 
 def ball(centre: tuple[float, float, float], radius: float, n: int = N) -> Array:
-    """Whether a voxel is in a ball; `centre` is z, y, x."""
+    """Return whether each voxel is in a ball, [n, n, n]. centre (z, y, x), radius: in halves of the volume's side."""
     return np.sqrt(sum((axis - c) ** 2 for axis, c in zip(axes(n), centre, strict=True))) < radius
 
 
 def blurred(values: Array) -> Array:
-    """A box of three voxels along each axis."""
+    """Return means of values over boxes of 3 x 3 x 3 voxels."""
     for axis in range(3):
         padded = np.pad(values, [(1, 1) if k == axis else (0, 0) for k in range(3)], mode="edge")
         values = sum(np.take(padded, np.arange(k, k + values.shape[axis]), axis) for k in range(3)) / 3
@@ -58,12 +58,12 @@ def blurred(values: Array) -> Array:
 
 
 def noise(seed: int, n: int = N) -> Array:
-    """Normal, of deviation 1."""
+    """Return normally distributed noise of standard deviation 1, [n, n, n]."""
     return np.random.Generator(np.random.PCG64(seed)).normal(size=(n, n, n))
 
 
 def head_in_hounsfield_units(n: int = N) -> Array:
-    """int16: a skull with a hole in it, brain, a table, and padding outside of the scanner's circle."""
+    """Return a CT scan, int16: a skull with a hole, brain, a table, and padding outside of the scanner's circle."""
     _, y, x = axes(n)
     values = np.full((n, n, n), -1000.0)
     values[(np.abs(y - 0.85) < 0.06) & (np.abs(x) < 0.5)] = -100
@@ -76,12 +76,12 @@ def head_in_hounsfield_units(n: int = N) -> Array:
 
 
 def head_as_unsigned() -> Array:
-    """The same with 1024 added, as uint16, and without padding."""
+    """Return `head_in_hounsfield_units` plus 1024, as uint16, and without padding."""
     return (np.maximum(head_in_hounsfield_units().astype(np.int32), -1024) + 1024).astype(np.uint16)
 
 
 def magnetic_resonance() -> Array:
-    """int16: a head with fat around the brain, an uneven coil and the noise of a magnitude image."""
+    """Return an MR scan, int16: a head with fat around the brain, uneven brightness, and noise of a magnitude image."""
     _, y, x = axes()
     values = np.zeros((N, N, N))
     values[ball((0, 0, 0), 0.8)] = 700
@@ -93,7 +93,7 @@ def magnetic_resonance() -> Array:
 
 
 def microscopy() -> Array:
-    """uint16: bright points on a noisy ground."""
+    """Return a microscope's image, uint16: bright points on a noisy ground."""
     values = np.zeros((N, N, N))
     generator = np.random.Generator(np.random.PCG64(4))
     for z, y, x in generator.integers(3, N - 3, (40, 3)):
@@ -102,7 +102,7 @@ def microscopy() -> Array:
 
 
 def two_materials(dtype: str) -> Array:
-    """A light block with dense balls in it, in the upper part of the range of an unsigned type."""
+    """Return a block of a low value with balls of a high value in it. dtype: an unsigned type, whose range is used."""
     scale = np.iinfo(dtype).max / 255
     values = np.full((N, N, N), 12.0)
     values[8:-8, 8:-8, 8:-8] = 95
@@ -111,39 +111,39 @@ def two_materials(dtype: str) -> Array:
 
 
 def two_materials_and(num: int, far: float) -> Array:
-    """Two materials, of 0 to 255, and in some voxels a value away from them."""
+    """Return `two_materials` from 0 to 255, float32, and a value `far` from them in the first `num` voxels."""
     values = two_materials("uint8").astype(np.float32)
     values.ravel()[:num] = far
     return values
 
 
 def signed() -> Array:
-    """float32: two lobes of either sign that fade to 0."""
+    """Return a positive and a negative lobe that fade to 0, float32."""
     z, y, x = axes()
     return (x * np.exp(-6 * (x**2 + y**2 + z**2))).astype(np.float32)
 
 
 def filled_signed() -> Array:
-    """float32: waves of both signs up to the border."""
+    """Return waves of both signs up to the border, float32."""
     z, y, x = axes()
     waves = (np.sin(7 * x + 2 * y) * np.cos(6 * y - z), np.sin(9 * z + x), np.cos(5 * x - 6 * z + 1))
     return np.asarray(sum(waves) - np.mean(sum(waves)), np.float32)
 
 
 def density() -> Array:
-    """float32: a density that falls off over six orders of magnitude."""
+    """Return a density that falls off over more than six orders of magnitude, float32."""
     z, y, x = axes()
     return (1e-24 * np.exp(-14 * np.sqrt(x**2 + y**2 + z**2))).astype(np.float32)
 
 
 def plume() -> Array:
-    """float64, a tiny range on a large offset: smooth, with nothing around it."""
+    """Return a smooth plume with nothing around it, float64: a tiny range of values on a large offset."""
     z, y, x = axes()
     return 3e-9 + 1e-12 * np.exp(-(x**2 + y**2) / (0.02 + 0.05 * (z + 1)) - z**2)
 
 
 def labels() -> Array:
-    """uint8: a body around three organs."""
+    """Return labels of a body and of three organs in it, uint8."""
     values = np.zeros((N, N, N), np.uint8)
     for number, (centre, radius) in enumerate(
         (((0.0, 0.0, 0.0), 0.85), ((0.3, 0.0, 0.0), 0.25), ((-0.3, 0.2, 0.0), 0.25), ((0.0, -0.4, 0.3), 0.2))
@@ -153,38 +153,38 @@ def labels() -> Array:
 
 
 def many_labels() -> Array:
-    """uint16: a ball of 64 boxes."""
+    """Return labels of 64 boxes, which a ball cuts off, uint16."""
     z, y, x = np.meshgrid(*[np.arange(N) // 12] * 3, indexing="ij")
     return np.where(ball((0, 0, 0), 0.95), 1 + x + 4 * y + 16 * z, 0).astype(np.uint16)
 
 
 def dark_object() -> Array:
-    """uint8: the background is the brightest value."""
+    """Return a dark object on a background of the brightest value, uint8."""
     return (255 - two_materials("uint8")).astype(np.uint8)
 
 
 def phases() -> Array:
-    """uint8: pores in a stone that fills the volume."""
+    """Return a stone with pores that fills the volume, uint8."""
     z, y, x = axes()
     pores = np.sin(8 * x) + np.sin(8 * y + 1) + np.sin(8 * z + 2)
     return np.clip(np.where(pores > 0.2, 60, 150) + 8 * noise(7), 0, 255).astype(np.uint8)
 
 
 def temperature() -> Array:
-    """float32: a layered room with a hot spot, visible everywhere."""
+    """Return temperatures of a room with a hot spot, float32: the volume has no background."""
     z, y, x = axes()
     return (293 + 20 * z + 60 * np.exp(-(x**2 + y**2 + z**2) / 0.1)).astype(np.float32)
 
 
 def distance() -> Array:
-    """float32: the signed distance from two balls that touch, negative inside."""
+    """Return the signed distance from two balls that touch, negative inside, float32."""
     z, y, x = axes()
     return np.minimum(np.sqrt((x - 0.3) ** 2 + y**2 + z**2) - 0.4, np.sqrt((x + 0.4) ** 2 + y**2 + z**2) - 0.3).astype(
         np.float32
     )
 
 
-# Each with the kind that it is to be taken for.
+# By name: the values of a volume, and the kind of data that a suggestion should take it for.
 KINDS: dict[str, tuple[Array, str]] = {
     "head": (head_in_hounsfield_units(), "CT in Hounsfield units"),
     "head as float32": (head_in_hounsfield_units().astype(np.float32), "CT in Hounsfield units"),

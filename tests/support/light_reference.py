@@ -1,7 +1,7 @@
 """Ambient occlusion and soft shadows from their definitions: many rays in fine steps, in plain float64.
 
-Extinctions of voxels are interpolated linearly. What the definition leaves to the renderer is taken from it: which
-first part of a ray is left out, and how large the light is.
+Extinctions of voxels are interpolated linearly. Two numbers that the definitions leave open are the renderer's: the
+length of the first part of a ray, which is left out, and the size of the light.
 """
 
 from __future__ import annotations
@@ -12,26 +12,31 @@ from scipy import ndimage
 from renderer.transfer import TransferFunction
 from renderer.volume import Float32, Float64, Volume
 
-# How far from its point a ray of light begins, in cells of the grid.
+# The distance from a lit point at which a ray towards the light begins, in cells of the light grid.
 START_CELLS = 2
 
-# How far occlusion reaches, as a share of the diagonal of the volume.
+# The length of the rays of ambient occlusion, as a share of the diagonal of the volume.
 OCCLUSION_RADIUS = 0.1
 
 # The angle, in degrees, from the middle of the light to its edge.
 LIGHT_RADIUS = 14.0
 
 NUM_OCCLUSION_RAYS, NUM_LIGHT_RAYS = 256, 64
-STEP = 0.5  # of a ray, in the finest spacing
+# The step along rays, in units of the finest spacing.
+STEP = 0.5
 
 
 def exact_occlusion(
     volume: Volume, transfer: TransferFunction, points: Float64, cell_size: int, radius: float | None = None
 ) -> Float64:
-    """Return the occlusion at points [n, 3] (x, y, z) in voxels."""
+    """Return the share of ambient light that reaches points, [n].
+
+    points: [n, 3] (x, y, z), in index coordinates. cell_size: the side of a light grid's cell, in voxels. radius: the
+    length of rays in the world; None for OCCLUSION_RADIUS.
+    """
     if radius is None:
         radius = OCCLUSION_RADIUS * 2 * volume.half_diagonal
-    # By rings of equal area, each with its own random turn.
+    # directions in rings of equal area on the sphere, each ring with its own random turn
     rng = np.random.default_rng(5)
     heights = (np.arange(16) + 0.5) / 8 - 1
     turns = (2 * np.pi * (np.arange(NUM_OCCLUSION_RAYS // 16) / 16 + rng.random((16, 1)))).ravel()
@@ -43,9 +48,13 @@ def exact_occlusion(
 def exact_shadow(
     volume: Volume, transfer: TransferFunction, points: Float64, cell_size: int, light: tuple[float, float, float]
 ) -> Float64:
-    """Return the shadow at points [n, 3] (x, y, z) in voxels, of a disc of directions."""
+    """Return the share of the light of a disc that reaches points, [n].
+
+    points: [n, 3] (x, y, z), in index coordinates. cell_size: the side of a light grid's cell, in voxels. light: the
+    direction towards the middle of the disc.
+    """
     toward = np.array(light) / np.linalg.norm(light)
-    _, _, rows = np.linalg.svd(toward[None])  # the last two are at right angles to it
+    _, _, rows = np.linalg.svd(toward[None])  # the last two rows are at right angles to `toward`
     rng = np.random.default_rng(6)
     radii = np.sqrt((np.arange(NUM_LIGHT_RAYS) + rng.random(NUM_LIGHT_RAYS)) / NUM_LIGHT_RAYS)
     turns = 2 * np.pi * (np.arange(NUM_LIGHT_RAYS) * 0.618034 + rng.random())
@@ -58,7 +67,10 @@ def exact_shadow(
 def _transmission(
     volume: Volume, transfer: TransferFunction, points: Float64, directions: Float64, limits: tuple[int, float]
 ) -> Float64:
-    """Return the mean over directions [m, 3] of exp(-depth). limits: the width of a cell in voxels, and the radius."""
+    """Return the mean transmittance over directions [m, 3], for each point, [n].
+
+    limits: the side of a light grid's cell in voxels, and the length of rays in the world.
+    """
     finest = volume.finest_spacing
     extinctions = transfer.classify(volume.values)[1]
     start, end = START_CELLS * limits[0] * finest, min(limits[1], volume.spacing @ volume.shape_xyz)
@@ -76,6 +88,6 @@ def _transmission(
 
 
 def sampled(factors: Float32, cell_size: int, points: Float64) -> Float64:
-    """Return factors of a LightGrid, interpolated at points [n, 3] (x, y, z) in voxels."""
+    """Return the factors of a light grid, interpolated at points [n, 3] (x, y, z) in index coordinates."""
     places = (points + 0.5) / cell_size + 0.5
     return np.asarray(ndimage.map_coordinates(factors.astype(np.float64), places.T[::-1], order=1, mode="nearest"))

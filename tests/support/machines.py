@@ -1,4 +1,4 @@
-"""A simulated machine: drawing takes the time of a formula, and everything else none."""
+"""A simulated machine, on which drawing takes the time of a formula, and everything else takes no time."""
 
 from __future__ import annotations
 
@@ -18,30 +18,31 @@ from renderer.volume import Float32, UInt32
 
 
 class WithoutUploads:
-    """The part of a rasteriser that keeps nothing between pictures."""
+    """The base of rasterisers that keep no data on a device between pictures."""
 
     def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
-        """Upload nothing."""
+        """Return False, as nothing is uploaded."""
         return False
 
 
 class Painter(WithoutUploads):
-    """A rasteriser whose picture, RGBA or one of it for all pixels, follows from what is drawn and the view."""
+    """A rasteriser that draws by a function. paint: returns RGBA, [h, w, 4] or [4], for the first batch and a view."""
 
     def __init__(self, paint: Callable[[Any, View], npt.ArrayLike]) -> None:
         self._paint = paint
 
     def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
-        """Return the picture."""
+        """Return the picture that the function paints for the first batch."""
         shape = (view.size[1], view.size[0], 4)
         return np.broadcast_to(np.asarray(self._paint(batches[0], view), np.float32), shape).copy()
 
 
 class SimulatedMachine(WithoutUploads):
-    """A clock and a rasteriser that draws nothing.
+    """A clock, and a rasteriser that draws nothing.
 
-    A drawing takes `per_frame + per_splat * splats + per_pixel * pixels`, or samples of bricks, times `pace(number of
-    drawings so far)` and a random factor of mean 1 and relative deviation `noise`.
+    A drawing takes `per_frame + per_splat * splats + per_pixel * pixels` seconds, with bricks and samples in place of
+    splats and pixels where bricks are drawn. This is multiplied by `pace(number of drawings so far)`, and by a random
+    factor of mean 1 and standard deviation `noise`.
     """
 
     def __init__(
@@ -59,18 +60,18 @@ class SimulatedMachine(WithoutUploads):
         self._random = np.random.default_rng(seed)
 
     def clock(self) -> float:
-        """Return the seconds so far."""
+        """Return the time in seconds."""
         return self.now
 
     def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
-        """Return an empty picture after its time."""
+        """Let the seconds of the drawing pass, and return an empty picture."""
         seconds = self.seconds_of(batches, orders, view)
         self.now += seconds * self._pace(self.num_drawings) * (1 + self._noise * self._random.standard_normal())
         self.num_drawings += 1
         return np.zeros((view.size[1], view.size[0], 4), np.float32)
 
     def seconds_of(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> float:
-        """Return the seconds of a drawing of one batch at the usual pace."""
+        """Return the seconds of drawing one batch, without the factors of pace and noise."""
         (batch,), (order,) = batches, orders
         if isinstance(batch, BrickBatch):
             num_pixels = num_samples(batch, order, view)
@@ -81,7 +82,7 @@ class SimulatedMachine(WithoutUploads):
 
 
 class UploadingMachine(SimulatedMachine):
-    """A machine that keeps one batch, which takes `times` as long to upload as to draw.
+    """A simulated machine that keeps one batch. It takes `times` as long to upload a batch as to draw it.
 
     A batch that was not uploaded is uploaded when it is drawn.
     """
@@ -92,7 +93,7 @@ class UploadingMachine(SimulatedMachine):
         self._uploaded: SplatBatch | BrickBatch | None = None
 
     def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
-        """Take the time of an upload unless the batch is there."""
+        """Upload the batch, which takes time, and return True; return False if it is uploaded already."""
         if self._uploaded is batches[0]:
             return False
         self._uploaded = batches[0]
@@ -100,13 +101,13 @@ class UploadingMachine(SimulatedMachine):
         return True
 
     def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
-        """Return an empty picture after its time."""
+        """Let the seconds of the drawing pass, and return an empty picture."""
         self.upload(batches, orders, view)
         return super().rasterize(batches, orders, view)
 
 
 def set_device(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """Give rasterisers another device."""
+    """Let all rasterisers of splats and bricks tell this name of their device."""
     other = property(lambda _: name, lambda _, own: None)
     for kind in (SplatRasterizer, BrickRasterizer):
         monkeypatch.setattr(kind, "device", other, raising=False)

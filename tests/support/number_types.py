@@ -12,7 +12,8 @@ Array = npt.NDArray[Any]
 Random = np.random.Generator
 
 INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
-# One of each kind that loops tell apart: types of 8 and 16 bits have tables, and share loops with those of their size.
+# A type of each kind for which kernels have loops of their own. Integers of 8 and 16 bits have tables, and types of
+# these sizes share a loop.
 TYPES = ("int8", "uint16", "float16", "int64", "float32", "float64")
 LARGEST = float(np.finfo(np.float64).max)
 
@@ -23,7 +24,7 @@ def limits(dtype: str) -> tuple[float, float]:
 
 
 def spread(dtype: str, rng: Random) -> Array:
-    """Return values over the whole range of a type, both limits among them, [3, 4, 5]."""
+    """Return random values over the whole range of a type, [3, 4, 5], with both limits among them."""
     low, high = limits(dtype)
     values = rng.integers(low, high, (3, 4, 5), dtype, endpoint=True) if dtype in INTEGERS else None
     if values is None:

@@ -19,7 +19,7 @@ Pixels = UInt8
 Chunks = Sequence[tuple[bytes, bytes]]
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
-# First row and column, and steps, of the passes of an interlaced picture (Adam7).
+# The passes of an interlaced picture (Adam7): first row, first column, step of rows, step of columns.
 PASSES = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
 
 
@@ -30,19 +30,19 @@ def chunk(name: bytes, content: bytes) -> bytes:
 def png_file(
     width: int, height: int, rows: bytes, *, depth: int = 8, color_type: int = 2, interlace: int = 0, more: Chunks = ()
 ) -> bytes:
-    """Return a PNG file. rows: each after the number of its filter. more: chunks before the rows."""
+    """Return a PNG file. rows: the bytes of each row after the code of its filter. more: chunks before the rows."""
     header = struct.pack(">IIBBBBB", width, height, depth, color_type, 0, 0, interlace)
     chunks = [(b"IHDR", header), *more, (b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
     return SIGNATURE + b"".join(chunk(*each) for each in chunks)
 
 
 def unfiltered(image: npt.NDArray[np.generic]) -> bytes:
-    """Return rows of bytes, [h, ...], each after a 0."""
+    """Return the bytes of all rows of a picture, each after PNG's code of no filter, 0."""
     return b"".join(b"\0" + row.tobytes() for row in image) if image.size else b""
 
 
 def interlaced(image: Pixels) -> bytes:
-    """Return an interlaced file of uint8 [h, w, 3 or 4]."""
+    """Return an interlaced PNG file of a picture, uint8 [h, w, 3] or [h, w, 4]."""
     rows = b"".join(unfiltered(image[y::dy, x::dx]) for y, x, dy, dx in PASSES)
     return png_file(image.shape[1], image.shape[0], rows, color_type={3: 2, 4: 6}[image.shape[2]], interlace=1)
 
@@ -52,7 +52,7 @@ def noise(seed: int, height: int = 16, width: int = 16, channels: int = 3) -> Pi
 
 
 def smooth(shift: float = 0.0, size: int = 32) -> Pixels:
-    """Return a picture [size, size, 3] that an encoder keeps well."""
+    """Return a smooth picture [size, size, 3], in which encoders lose little."""
     y, x = np.mgrid[:size, :size] * (2 * np.pi / size)
     waves = [128 + 100 * np.sin(x + shift), 128 + 80 * np.cos(y), 128 + 60 * np.sin(x + y)]
     return np.stack(waves, axis=2).round().astype(np.uint8)

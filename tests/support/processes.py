@@ -1,4 +1,4 @@
-"""Lists the processes that a test has started, as Linux reports them."""
+"""List the processes that a test has started, as Linux reports them."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ MARK = "HSPLAT_TEST_MARK"
 
 
 def new_mark() -> str:
-    """Return a value for the environment variable MARK, which all children inherit."""
+    """Return a new value for the environment variable MARK, which all child processes inherit."""
     return uuid.uuid4().hex
 
 
 def marked(mark: str) -> set[int]:
-    """Return the other processes that have this mark, without zombies."""
+    """Return the ids of all running processes, except this one, whose environment variable MARK has this value."""
     wanted = f"{MARK}={mark}".encode()
     found = set()
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             if wanted in (folder / "environ").read_bytes().split(b"\0"):
                 found.add(int(folder.name))
-        except OSError:  # it is gone, or not ours
+        except OSError:  # the process has ended, or belongs to another user
             continue
     return found - {os.getpid()}
 
 
 def wait_until(condition: Callable[[], bool], seconds: float) -> bool:
-    """Return whether the condition becomes true in time."""
+    """Wait until a condition is true, and return whether it became true in time."""
     end = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > end:

@@ -15,7 +15,7 @@ from renderer.truth import Convergence, Progress, RayIntegrator, TrueLayer, igno
 from renderer.view import View, make_view
 from renderer.volume import Float64, Volume
 
-# float64 sums over a few hundred cells.
+# The largest error that rounding of float64 causes in sums over a few hundred cells.
 EXACT = 1e-13
 
 
@@ -26,7 +26,7 @@ def volume(values: npt.ArrayLike, world_from_index: Float64 | None = None) -> Vo
 
 
 def oblique() -> Float64:
-    """Anisotropic, rotated, sheared and shifted."""
+    """Return an affine that is anisotropic, rotated, sheared and shifted."""
     affine = np.eye(4)
     affine[:3, :3] = [[1.0, 0.3, 0.0], [-0.4, 0.7, 0.2], [0.1, 0.0, 2.5]]
     affine[:3, 3] = [3.0, -1.0, 0.5]
@@ -40,9 +40,10 @@ def look(target: Vector, distance: float, size: tuple[int, int] = (24, 16), **ca
 
 @dataclass(frozen=True)
 class Span:
-    """Where each pixel's ray enters the volume and leaves it, by the six half-spaces.
+    """The part of each pixel's ray that is inside a volume.
 
-    index_at_start, index_per_length: [pixels, 3], the ray in index space. length: [pixels], world.
+    index_at_start: the point where the ray enters, in index coordinates, [pixels, 3]. index_per_length: its direction
+    in index coordinates, per length in the world, [pixels, 3]. length: the length in the world, [pixels].
     """
 
     index_at_start: Float64
@@ -69,7 +70,10 @@ def integrate(
 def converged_image(
     of: Volume, tf: TransferFunction, view: View, tolerance: float, shading: ShadingSpec | None = None, **options: Any
 ) -> tuple[Float64, Convergence]:
-    """The image [h, w, 4] and its convergence. options: `num_threads` and `on_progress`."""
+    """Return the converged ray integral of each pixel, [h, w, 4], and its convergence.
+
+    options: `num_threads`, and the options of RayIntegrator.converge, such as `on_progress`.
+    """
     integrator = RayIntegrator([TrueLayer(of, tf, shading)], num_threads=options.pop("num_threads", 2))
     pixels, convergence = integrator.converge(view, pixel_centres(view.size), tolerance, **options)
     return pixels.reshape(view.size[1], view.size[0], 4), convergence
@@ -92,7 +96,7 @@ def ray_spans(of: Volume, view: View) -> Span:
 def riemann(
     of: Volume, tf: TransferFunction, view: View, num_steps: int, shading: ShadingSpec | None = None
 ) -> Float64:
-    """The same integral by nothing but the definition: `num_steps` midpoints per ray, field and gradient from numpy."""
+    """Return the ray integral of each pixel as a plain sum over `num_steps` midpoints a ray, in numpy: [h, w, 4]."""
     values = of.values.astype(float)
     gradients = [np.gradient(values, axis=2 - axis) for axis in range(3)]
     index_from_world = np.linalg.inv(of.world_from_index)
@@ -126,7 +130,7 @@ def riemann(
 
 
 def shade(shading: ShadingSpec, color: Float64, gradient: Float64, viewer: Float64) -> Float64:
-    """Colours [n, 3] in the light, by its definition."""
+    """Return colours [n, 3] in the light of a shading, from the definitions of its terms."""
     light = viewer if isinstance(shading.light, str) else np.array(shading.light) / np.linalg.norm(shading.light)
     halfway = (light + viewer) / np.linalg.norm(light + viewer)
     normal = -gradient / np.linalg.norm(gradient, axis=1)[:, None]
@@ -139,7 +143,7 @@ def shade(shading: ShadingSpec, color: Float64, gradient: Float64, viewer: Float
 
 
 def interpolate(values: Float64, index: Float64) -> Float64:
-    """Trilinear interpolation at [n, 3] points (x, y, z)."""
+    """Return values [z, y, x], interpolated trilinearly at points (x, y, z), index: [n, 3]."""
     low = np.minimum(np.floor(index).astype(int), np.array(values.shape[::-1]) - 2)
     total = np.zeros(len(index))
     for corner in np.ndindex(2, 2, 2):
@@ -154,7 +158,7 @@ COLORFUL = transfer_of(
 
 
 def along_z(values: list[float], tf: TransferFunction, step_voxels: float = 1.0, spacing: float = 1.0) -> Float64:
-    """One ray along -z, from the last of a column of voxels to the first."""
+    """Return the RGBA of a ray along -z through a column of voxels, from the last value to the first."""
     column = volume(np.reshape(values, (-1, 1, 1)), np.diag([1.0, 1.0, spacing, 1.0]))
     view = look((0.0, 0.0, 0.0), 100.0, (1, 1), projection="orthographic", path=TurntablePath(1, 0.0, 90.0))
     return integrate(column, tf, view, step_voxels=step_voxels)[0, 0]

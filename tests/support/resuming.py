@@ -17,7 +17,7 @@ SCENE = small_scene.small_scene(frames=NUM_FRAMES)
 
 
 class Draws:
-    """Records which frames are drawn, and interrupts before one of them."""
+    """A record of the frames that are drawn. stop_at: the frame before which drawing is interrupted, if any."""
 
     def __init__(self) -> None:
         self.numbers: list[int] = []
@@ -63,7 +63,7 @@ def render(output: str, *options: str) -> None:
 
 
 def interrupt_render(draws: Draws, output: str, *options: str, at: int = 3) -> None:
-    """Render until an interrupt at this frame; those before it are finished."""
+    """Render a film until an interrupt at a frame. The frames before it are finished and kept."""
     draws.stop_at = at
     assert main.run(arguments(output, *options)) == 130
     draws.stop_at = None
@@ -71,7 +71,7 @@ def interrupt_render(draws: Draws, output: str, *options: str, at: int = 3) -> N
 
 
 def output_files(folder: str = "out") -> dict[str, bytes]:
-    """Return all files except the sidecar, which has times."""
+    """Return the content of all files of a folder by path, except sidecars, which contain times."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in Path(folder).rglob("*")
@@ -87,7 +87,7 @@ def uninterrupted_files(output: str, *options: str) -> dict[str, bytes]:
 
 
 def sidecar(name: str) -> dict[str, Any]:
-    """Return the content of a sidecar in out/."""
+    """Return the data of a sidecar in the folder out/."""
     return small_scene.sidecar(Path("out", name))
 
 
@@ -101,7 +101,7 @@ def assert_clean() -> None:
 
 
 def printed_lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """Return the lines on the error stream without those that show progress."""
+    """Return the lines printed to standard error, except lines of progress."""
     return [line for line in capsys.readouterr().err.splitlines() if "frames/s" not in line]
 
 
@@ -110,10 +110,10 @@ def modification_times(folder: str = "out") -> dict[Path, int]:
 
 
 def sidecar_of(output: str) -> str:
-    """Return the name of the sidecar."""
+    """Return the name of the sidecar of an output, which is a film or numbered frames."""
     return "frames.json" if output.endswith(".png") else f"{output}.json"
 
 
 def rerender(name: str, *options: str, code: int = 0) -> None:
-    """Render a film from its sidecar in out/."""
+    """Render a film again from its sidecar, `name`, in the folder out/. code: the expected exit code."""
     assert main.run(["render", f"out/{name}", *options]) == code

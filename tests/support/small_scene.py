@@ -1,4 +1,4 @@
-"""The scene of many tests: a procedural engine block that is drawn in a moment."""
+"""Make the scene of many tests: a procedural engine block that is drawn in a moment."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ def small_scene(
 ) -> str:
     """Return the YAML of a turntable that is written to film.mp4.
 
-    error: the contents of that section, such as `tolerance: 0.1`. Without error and footprint the scene has neither
-    section, and is drawn at the defaults. volume: the contents of that section, in place of an engine block.
+    error: the contents of the section `error`, such as `tolerance: 0.1`; None for no such section. footprint: the
+    footprint in the section `splat`; None for no such section. volume: the contents of the section `volume`; None for
+    an engine block.
     """
     sections = "" if error is None else f"error: {{{error}}}\n"
     sections += "" if footprint is None else f"splat: {{footprint: {footprint}}}\n"
@@ -43,29 +44,29 @@ camera:
 
 
 def small_tree(*, frames: int = 8, **sections: Any) -> dict[str, Any]:
-    """Return `small_scene` as a tree for `parse_scene`, with whole sections added or replaced."""
+    """Return `small_scene` as plain data for `parse_scene`. sections: sections to add, or to replace as a whole."""
     tree: dict[str, Any] = parse_yaml(small_scene(frames=frames)).data  # type: ignore[assignment]
     return tree | sections
 
 
 def engine_block(*shape: int, **more: Any) -> dict[str, Any]:
-    """Return the section `volume` of an engine block."""
+    """Return the section `volume` of a scene for a procedural engine block."""
     return {"procedural": {"name": "engine_block", "shape": list(shape)} | more}
 
 
 def sidecar(path: str | Path = "film.mp4.json") -> dict[str, Any]:
-    """Return the content of a sidecar."""
+    """Return the data of a sidecar, or of another JSON file."""
     data: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
     return data
 
 
 def edit_sidecar(path: str | Path, edit: Callable[[dict[str, Any]], object]) -> None:
-    """Change the content of a sidecar, or of another JSON file, in place."""
+    """Change the data of a sidecar, or of another JSON file, by a function, and write it back."""
     data = sidecar(path)
     edit(data)
     Path(path).write_text(json.dumps(data), encoding="utf-8")
 
 
 def contents() -> dict[Path, bytes]:
-    """The content of every file below the current folder."""
+    """Return the content of every file below the current folder, by path."""
     return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}

@@ -4,8 +4,8 @@ The reference for `renderer.draw.splats.splat_rasterizer`. It shares its inputs 
 with it, nothing else.
 Lengths are world units; Gaussians are covariance matrices, as in the literature:
 
-    Gaussian in view space -> what lies beyond the near plane -> affine image about its centre -> widened to the pixels
-                           -> weight at each pixel's centre -> alpha = 1 - exp(-optical depth) -> over
+    Gaussian in view space -> its part beyond the near plane -> affine image about its centre -> widened to the pixels
+                           -> weight at each pixel's centre -> alpha = 1 - exp(-optical depth) -> composited
 
 M. Zwicker, H. Pfister, J. van Baar, M. Gross, "EWA Splatting", IEEE TVCG 8 (2002): the affine image;
 N. L. Johnson, S. Kotz, N. Balakrishnan, "Continuous Univariate Distributions 1", chapter 13: the truncated normal.
@@ -22,13 +22,14 @@ from renderer.splats import GaussianFootprint, GouraudFootprint, SplatBatch
 from renderer.view import SLOPE_LIMIT, View
 from renderer.volume import Bools, Float64, UInt32
 
-# The near plane leaves nothing of a splat that lies this many standard deviations before it: 3e-5 of its mass.
+# A splat whose centre lies more than this many standard deviations before the near plane is not drawn: the part beyond
+# the plane is at most 3e-5 of its mass.
 FARTHEST_CUT = 4.0
 
 
 @dataclass(frozen=True)
 class _Gaussian:
-    """A Gaussian in the frame (right, up, away from the eye): mass, mean [3] and covariance [3, 3]; world units."""
+    """A Gaussian in the coordinates (right, up, away from the eye), in world units: mean [3], covariance [3, 3]."""
 
     mass: float
     mean: Float64
@@ -37,8 +38,10 @@ class _Gaussian:
 
 @dataclass(frozen=True)
 class _Ellipse:
-    """A footprint on the image, row 0 at the top: centre [2] and covariance [2, 2] in pixels, and the optical depth
-    where the footprint's weight is 1."""
+    """A footprint on the image: centre (column, row) and covariance [2, 2], in pixels.
+
+    unit_depth: the optical depth where the footprint's weight is 1.
+    """
 
     center_px: Float64
     covariance_px: Float64
@@ -46,7 +49,10 @@ class _Ellipse:
 
 
 def rasterize_reference(batch: SplatBatch, order: UInt32, view: View) -> Float64:
-    """Composite `batch[order]`, back to front: float64 [height, width, 4], premultiplied RGBA over nothing."""
+    """Return the picture of splats: float64 [height, width, 4], premultiplied RGBA.
+
+    order: the numbers of the splats to draw, back to front.
+    """
     image = np.zeros((view.size[1], view.size[0], 4))
     for index in order:
         areas = batch.vertices[index, 3:7].astype(np.float64)
@@ -66,7 +72,7 @@ def rasterize_reference(batch: SplatBatch, order: UInt32, view: View) -> Float64
 
 
 def _in_view(batch: SplatBatch, index: int, view: View) -> _Gaussian:
-    """The splat's whole Gaussian, mass 1."""
+    """Return the Gaussian of a splat, of mass 1, before the near plane cuts it."""
     rotation = np.diag([1.0, 1.0, -1.0]) @ view.axes
     from_target = (batch.origin - view.target) + batch.model_unit * batch.centers[index].astype(np.float64)
     axes_world = batch.model_unit * batch.axes[int(batch.vertices[index, 7])]
@@ -76,9 +82,10 @@ def _in_view(batch: SplatBatch, index: int, view: View) -> _Gaussian:
 
 
 def _beyond(near: float, gaussian: _Gaussian) -> _Gaussian:
-    """The Gaussian with the moments of what lies at depths beyond `near`.
+    """Return the Gaussian with the moments of the part of a Gaussian that lies at depths beyond `near`.
 
-    Depth becomes a truncated normal; right and up follow it by linear regression, their residuals stay as they are.
+    Depth has a truncated normal distribution. Right and up follow depth by linear regression; their residuals do not
+    change.
     """
     mean, covariance = gaussian.mean, gaussian.covariance
     sigma = math.sqrt(covariance[2, 2])
@@ -97,14 +104,15 @@ def _beyond(near: float, gaussian: _Gaussian) -> _Gaussian:
 
 
 def _projected(gaussian: _Gaussian, optical_area: float, min_sigma_px: float, view: View) -> _Ellipse:
-    """The affine image of a Gaussian whose ray integrals add up to `optical_area` across the rays."""
+    """Return the affine image of a Gaussian. optical_area: the integral of its optical depth across the rays."""
     size = np.array(view.size)
     right, up, depth = gaussian.mean
     if view.projection == "perspective":
         px_per_unit = view.scale_px / depth
         limit = SLOPE_LIMIT * size / 2 / view.scale_px
         slopes = np.clip([right / depth, up / depth], -limit, limit)
-        # d(column, row) / d(right, up, away); a pixel is smaller by the slant on a plane that faces the ray.
+        # The derivatives of (column, row) by (right, up, away). A pixel on a plane that faces the ray is smaller by the
+        # factor `slant`.
         jacobian = px_per_unit * np.array([[1.0, 0.0, -slopes[0]], [0.0, -1.0, slopes[1]]])
         slant = math.sqrt(1 + slopes @ slopes)
     else:
@@ -120,7 +128,7 @@ def _projected(gaussian: _Gaussian, optical_area: float, min_sigma_px: float, vi
 
 
 def _window(ellipse: _Ellipse, cutoff: float, size: tuple[int, int]) -> tuple[slice, slice]:
-    """Rows and columns of the image that hold every pixel within `cutoff` standard deviations."""
+    """Return the rows and the columns of the image that hold all pixels within `cutoff` standard deviations."""
     reach = cutoff * np.sqrt(np.diag(ellipse.covariance_px))
     low = np.clip(np.floor(ellipse.center_px - reach), 0, size).astype(int)
     high = np.clip(np.ceil(ellipse.center_px + reach), 0, size).astype(int)
@@ -128,7 +136,7 @@ def _window(ellipse: _Ellipse, cutoff: float, size: tuple[int, int]) -> tuple[sl
 
 
 def _gaussian_alpha(footprint: GaussianFootprint, ellipse: _Ellipse, x_px: Float64, y_px: Float64) -> Float64:
-    """float64 [rows, columns]: the weight is evaluated at each pixel."""
+    """Return alpha from the footprint's weight at each pixel, float64 [rows, columns]."""
     offsets = np.stack([x_px - ellipse.center_px[0], y_px - ellipse.center_px[1]], axis=-1)
     q = np.einsum("...i,ij,...j", offsets, np.linalg.inv(ellipse.covariance_px), offsets)
     weight = np.exp(-footprint.decay * q) * np.polynomial.polynomial.polyval(q, footprint.coefficients)
@@ -137,7 +145,7 @@ def _gaussian_alpha(footprint: GaussianFootprint, ellipse: _Ellipse, x_px: Float
 
 
 def _gouraud_alpha(footprint: GouraudFootprint, ellipse: _Ellipse, x_px: Float64, y_px: Float64) -> Float64:
-    """float64 [rows, columns]: alpha is evaluated at the vertices, and linear in each triangle."""
+    """Return alpha at each pixel, float64 [rows, columns]: exact at vertices, and linear in each triangle."""
     vertices = ellipse.center_px + footprint.vertices @ np.linalg.cholesky(ellipse.covariance_px).T
     vertex_alpha = -np.expm1(-ellipse.unit_depth * footprint.weights)
     alpha = np.zeros_like(x_px)
@@ -148,10 +156,10 @@ def _gouraud_alpha(footprint: GouraudFootprint, ellipse: _Ellipse, x_px: Float64
 
 
 def _rasterized_triangle(corners: Float64, x_px: Float64, y_px: Float64) -> tuple[Bools, Float64]:
-    """Which points a triangle (corners [3, 2]) holds, and each corner's share in the linear interpolation [..., 3].
+    """Return which points a triangle holds, and the weights of its corners in linear interpolation, [..., 3].
 
-    A point on an edge belongs to the triangle that lies below it or to its right (top-left rule): where triangles meet,
-    every point belongs to exactly one.
+    corners: [3, 2]. A point on an edge belongs to the triangle below the edge or to the right of it (top-left rule), so
+    that every point where triangles meet belongs to exactly one.
     """
     if _side(corners[0], corners[1], *corners[2]) < 0:
         inside, shares = _rasterized_triangle(corners[::-1], x_px, y_px)
@@ -168,9 +176,10 @@ def _rasterized_triangle(corners: Float64, x_px: Float64, y_px: Float64) -> tupl
 
 
 def _side(start: Float64, end: Float64, x: Float64, y: Float64) -> Float64:
-    """Twice the signed area of (start, end, point), > 0 on the right of the edge as it is seen with y downwards.
+    """Return twice the signed area of the triangle (start, end, point).
 
-    Rounded alike from both ends, so that two triangles at an edge agree on which side a point lies.
+    It is positive on the right of the edge, with y downwards. Exchanging start and end changes only the sign, so that
+    two triangles at an edge agree on which side a point lies.
     """
     if tuple(start) > tuple(end):
         return -_side(end, start, x, y)

@@ -37,19 +37,19 @@ def look(
     field_of_view: float = 30.0,
     near: float = 0.0,
 ) -> View:
-    """A camera on its sphere around the target."""
+    """Return the view of a camera at a distance from its target."""
     camera = CameraSpec(TurntablePath(1, azimuth, elevation), projection, field_of_view, near=near)  # type: ignore[arg-type]
     return make_view(camera, 0, tuple(target), distance, size)  # type: ignore[arg-type]
 
 
 def camera_pose(path: CameraPath, frame: int) -> Any:
-    """The pose at one frame: direction, right and up [3], and one zoom."""
+    """Return the pose of a camera at one frame: direction, right and up, [3] each, and zoom."""
     poses = camera_poses(path, [frame])
     return poses.rows(0)
 
 
 def point_at(view: View, column: float, row: float, depth: float) -> Float64:
-    """float64 [3]: the world point that lands on (column, row) in pixels, at a depth."""
+    """Return the point in the world, float64 [3], at a depth, that a view shows at (column, row) in pixels."""
     per_px = (depth if view.projection == "perspective" else 1.0) / view.scale_px
     in_view = [(column - view.size[0] / 2) * per_px, (view.size[1] / 2 - row) * per_px, -depth]
     return view.target + (in_view + np.array([0.0, 0.0, view.distance])) @ view.axes
@@ -62,9 +62,10 @@ def place_splats(
     colors: npt.ArrayLike = (0.9, 0.5, 0.2),
     spec: SplatSpec | None = None,
 ) -> SplatBatch:
-    """Splats at world points [n, 3] with standard deviations [n, 3, 3] (columns), or one number for all of them.
+    """Return splats that are placed by hand.
 
-    `depths` [n] are those of Gaussians as thick as they are wide, on their central ray.
+    centers: points in the world, [n, 3]. axes: their axes as columns, in standard deviations, [n, 3, 3] or [3, 3]; a
+    number for spheres. depths: the optical depths [n] along their central rays, of spheres of the same volume.
     """
     points = np.atleast_2d(np.asarray(centers, np.float64))
     axes = np.asarray(axes, np.float64)
@@ -82,12 +83,12 @@ def place_splats(
 
 
 def in_order(batch: SplatBatch) -> UInt32:
-    """All splats, as they come."""
+    """Return the numbers of all splats of a batch, in its own order."""
     return np.arange(len(batch), dtype=np.uint32)
 
 
 def volume_of(values: UInt8, world_from_index: Float64 | None = None) -> Volume:
-    """A volume of [z, y, x] voxels around the world's origin, with spacing 1, unless it is placed elsewhere."""
+    """Return a volume of voxels [z, y, x]. Without an affine, it has spacing 1 and its centre is the world's origin."""
     if world_from_index is None:
         world_from_index = np.eye(4)
         world_from_index[:3, 3] = -(np.array(values.shape[::-1]) - 1) / 2
@@ -95,7 +96,10 @@ def volume_of(values: UInt8, world_from_index: Float64 | None = None) -> Volume:
 
 
 def cut_of(volume: Volume, opacity: float, *, level: int = 0, tolerance: float = 0.0, unit: float | None = None) -> Cut:
-    """Cells no finer than `level`; blue to red with the value, the opacity rising to `opacity` at 255."""
+    """Return the cut of a volume in cells no finer than `level`.
+
+    Colours go from blue at 0 to red at 255, and opacities from 0 to `opacity`. unit: the length of these opacities.
+    """
     points = (
         ControlPoint(0.0, (0.1, 0.2, 0.9), 0.0),
         ControlPoint(128.0, (0.4, 0.9, 0.3), opacity / 3),
@@ -107,10 +111,10 @@ def cut_of(volume: Volume, opacity: float, *, level: int = 0, tolerance: float =
 
 
 def splats_of(volume: Volume, opacity: float, spec: SplatSpec | None = None, **cut: float) -> SplatBatch:
-    """Splats of every cell of `cut_of`."""
+    """Return the splats of all cells of `cut_of`. cut: options of `cut_of`."""
     return make_splats(cut_of(volume, opacity, **cut), spec or SplatSpec())  # type: ignore[arg-type]
 
 
 def optical_depth(image: Float32) -> Float64:
-    """float64 [h, w]: `-log(1 - alpha)`."""
+    """Return the optical depth of each pixel, `-log(1 - alpha)`, float64 [h, w]."""
     return -np.log1p(-image[..., 3].astype(np.float64))

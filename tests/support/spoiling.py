@@ -1,4 +1,4 @@
-"""Plain data with random mistakes, for tests of files that anybody may have edited."""
+"""Put random mistakes into plain data, for tests of files that anybody may have edited."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def places(tree: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, Any, tuple[Any, ...]]]:
-    """Yield every (container, key, keys on the way) in a tree."""
+    """Yield, for each value in a tree: its container, its key, and all keys from the root to it."""
     for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
         yield tree, key, (*path, key)
         if isinstance(value, (dict, list)):
@@ -17,7 +17,10 @@ def places(tree: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, Any, tu
 
 
 def spoil(tree: dict[str, Any], choose: random.Random, junk: Sequence[Any], keys: Sequence[Any]) -> None:
-    """Add, remove or replace a random thing by junk; `keys`: for what is added."""
+    """Add a random value to a tree, or remove or replace one.
+
+    junk: the values that are added, or replace others. keys: the keys of values that are added.
+    """
     every = list(places(tree))
     container, key, _ = choose.choice(every) if every else (tree, keys[0], ())
     action, thing = choose.random(), copy.deepcopy(choose.choice(junk))

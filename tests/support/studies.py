@@ -1,4 +1,4 @@
-"""Studies that are made by hand, for tests of their reports."""
+"""Make studies (measurements of a scene in several settings) by hand, for tests of their reports."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ INFINITE = float("inf")
 
 
 def difference(psnr: float) -> Mapping[str, float]:
-    """Return the metrics of a picture of some PSNR; the others fall with it."""
+    """Return all metrics of a picture with this PSNR. The larger the PSNR, the smaller are the other errors."""
     rmse = 10 ** (-psnr / 20)
     return dict(zip(METRICS, (rmse, min(1.0, 4 * rmse), psnr, 1 - rmse, 2 * rmse, 3 * rmse, rmse), strict=True))
 
 
 def accuracy(psnr: float) -> Accuracy:
-    """Return an accuracy that is 3 dB worse on the volume."""
+    """Return an accuracy with this PSNR over all pixels, and 3 dB less over the pixels that show the volume."""
     return Accuracy(difference(psnr), difference(psnr - 3))
 
 
@@ -42,7 +42,10 @@ def measure(
     series: str = "gaussian, optical",
     frames: Sequence[int] = (0, 7),
 ) -> Measurement:
-    """Return a setting of `quality` (PSNR in dB, or all), drawn three times on each frame, in about `frame_ms`."""
+    """Return the measurement of a setting, which was drawn three times on each frame.
+
+    frame_ms: about the milliseconds of each drawing. quality: the PSNR in dB, or a whole accuracy.
+    """
     result = quality if isinstance(quality, Accuracy) else accuracy(quality)
     times = tuple(frame_ms / 1000 * part for part in (0.9, 1.0, 1.3))
     steps = {"order": tuple(t / 4 for t in times), "draw": tuple(t * 3 / 4 for t in times)}
@@ -61,7 +64,10 @@ def measure(
 
 
 def own_series() -> list[Measurement]:
-    """Return four points; that of tolerance 0.2 is dominated in time by 0.1, and in splats by none."""
+    """Return measurements at four tolerances.
+
+    Tolerance 0.2 is slower and less exact than 0.1, but no tolerance with fewer splats is more exact.
+    """
     return [
         measure("tolerance 1", 10, 1000, 22),
         measure("tolerance 0.2", 90, 3000, 27),
@@ -71,7 +77,7 @@ def own_series() -> list[Measurement]:
 
 
 def brick_series() -> list[Measurement]:
-    """Return settings of bricks, which have cells and no splats."""
+    """Return the measurements of two settings with bricks, which have cells and no splats."""
     series = "integrated, optical"
     drawn = [measure(f"tolerance {t}", ms, 20, psnr, series=series) for t, ms, psnr in ((1, 20, 30), (0, 80, 41))]
     options = {"footprint": "integrated"}
@@ -84,7 +90,7 @@ def brick_series() -> list[Measurement]:
 
 
 def quick_series() -> list[Measurement]:
-    """Return settings whose errors are estimates of 1024 rays; the last has none in any of them."""
+    """Return measurements whose errors are estimated from 1024 rays. In the last, no ray has an error."""
     errors = ((1, 20, 1e-3), (0.1, 80, 1e-5), (0, 300, 0.0))
     samples = [(t, ms, ErrorSamples(1024, error, 2 * error**2, 5 * error)) for t, ms, error in errors]
     return [
@@ -94,7 +100,7 @@ def quick_series() -> list[Measurement]:
 
 
 def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
-    """Return a study of these measurements, on any machine and scene."""
+    """Return a study of these measurements, on an invented machine and scene. changes: other fields of the study."""
     frames = sorted({sample.frame for m in measurements for sample in m.frames})
     convergence = Convergence((0.5, 0.25), (1e-5, 3e-9), (48, 40))
     means = PixelMeans(np.full((5, 8, 3), 9 / 255), np.full((5, 8, 3), 1e-6))
@@ -114,6 +120,6 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
 
 
 def report_of(study: Study, date: str = DATE) -> dict[str, str]:
-    """Return the texts of the files of a report, by their suffixes: `.csv`, `.json` and `.html`."""
+    """Return the texts of the files of a study's report, by their suffixes: `.csv`, `.json` and `.html`."""
     with tempfile.TemporaryDirectory() as folder:
         return {path.suffix: path.read_bytes().decode() for path in write_study(study, Path(folder), date=date)}

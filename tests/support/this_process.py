@@ -13,21 +13,21 @@ from renderer.volume import Array
 
 
 class ThisProcess(Any):
-    """The host of a reader in this process."""
+    """The host of a reader of files, if the reader runs in this process: it stands in for a parent process."""
 
     def __init__(self) -> None:
-        """Nobody waits for an answer."""
+        """Make a host that needs no connection to another process."""
 
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
         return np.zeros(shape, dtype)
 
     def expect_bytes(self, num_bytes: int) -> None:
-        """This process has no limit."""
+        """Accept any number of bytes, as this process has no limit."""
 
     def begin_file(self, path: Path) -> None:
-        """No other process asks."""
+        """Do nothing, as no other process wants to know the file that is read."""
 
 
 def read_here(reader: str, path: Path, **arguments: Any) -> Image:
-    """Return what `read_isolated` returns."""
+    """Read an image in this process, with the result that `read_isolated` has from a child process."""
     return call_reader(reader, path, arguments, ThisProcess())

@@ -14,7 +14,7 @@ WIDTH, HEIGHT, BITS, COMPRESSION, DESCRIPTION = 256, 257, 258, 259, 270
 STRIPS, SAMPLES, STRIP_BYTES, PLANAR, SAMPLE_FORMAT = 273, 277, 279, 284, 339
 PIXELS = np.arange(16, dtype=np.uint8).reshape(4, 4)
 
-# Type, number of values and value, or place of the values, of each field of a page of PIXELS, which are at byte 8.
+# The fields of a page of PIXELS, which are at byte 8, by tag: type, number of values, and value or place of the values.
 PAGE = {
     WIDTH: (SHORT, 1, 4), HEIGHT: (SHORT, 1, 4), BITS: (SHORT, 1, 8), COMPRESSION: (SHORT, 1, 1), STRIPS: (LONG, 1, 8),
     SAMPLES: (SHORT, 1, 1), STRIP_BYTES: (LONG, 1, 16),
@@ -28,7 +28,10 @@ def directory(fields: dict[int, Field], following: int = 0) -> bytes:
 
 
 def tiff(fields: dict[int, Field], values: bytes = b"", following: int = 0) -> bytes:
-    """The pixels, `values` at byte 24 and one directory."""
+    """Return a TIFF file: PIXELS, `values` at byte 24, and a directory.
+
+    fields: fields of the directory, besides or in place of PAGE. following: the place of another directory; 0 for none.
+    """
     begin = struct.pack("<2sHI", b"II", 42, 24 + len(values))
     return begin + PIXELS.tobytes() + values + directory({**PAGE, **fields}, following)
 
@@ -50,9 +53,9 @@ def tiff_bytes(
     big: bool = False,
     tile: tuple[int, int] | None = None,
 ) -> bytes:
-    """Return an uncompressed TIFF file of [page, y, x], in one strip a page or in tiles.
+    """Return an uncompressed TIFF file of pages [page, y, x], each in one strip or in tiles.
 
-    resolution: TIFF's number of the unit, pixels per unit in x and in y.
+    resolution: TIFF's code of the unit, and the pixels per unit in x and in y, as fractions.
     """
     out = io.BytesIO()
     unit, *per_unit = resolution or (1, (1, 1), (1, 1))

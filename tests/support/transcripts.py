@@ -10,13 +10,12 @@ A transcript is a text file of cases. Each case begins with its title, and is ru
     scene.yaml:12:3: unknown key
     [2]
 
-`~` edits a file: the text of the `-` lines, which must stand in it once, becomes that of the `+` lines; without `-`
-lines the file is written. `$` runs a command: hsplat in this process, or `ls`, `cat`, `touch`, `rm`, `cp`, `mv` or
-`cmp`. What follows is what
-it prints, standard output before standard error, and its exit code unless that is 0. In it, `...` stands for any text,
-and `/folder` for the current folder.
+`~` edits a file: the text of the `+` lines replaces that of the `-` lines, which must stand in the file once; without
+`-` lines, the file is written anew. `$` runs a command: hsplat in this process, or `ls`, `cat`, `touch`, `rm`, `cp`,
+`mv` or `cmp`. After the command comes its output, standard output before standard error, and its exit code unless that
+is 0. In the output, `...` stands for any text, and `/folder` for the current folder.
 
-`HSPLAT_REWRITE=1 pytest tests/messages` writes what comes back into the transcripts; read the difference.
+`HSPLAT_REWRITE=1 pytest tests/messages` writes the present output into the transcripts; read the difference.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class Case:
         return self.title
 
     def check(self, capsys: pytest.CaptureFixture[str]) -> None:
-        """Run the case in the current folder; what comes back must be what the transcript says."""
+        """Run the case in the current folder. Raises AssertionError if the output differs from the transcript."""
         actual = "".join(_run(step, capsys) for step in _steps(self.lines))
         expected = "".join(f"{line}\n" for line in self.lines)
         if os.environ.get("HSPLAT_REWRITE") == "1" and not _matches(actual, expected):
@@ -58,11 +57,11 @@ class Case:
             assert text.count(old) == 1, self.title
             self.path.write_text(text.replace(old, f"{_TITLE}{self.title}\n{actual}"), "utf-8")
         elif not _matches(actual, expected):
-            assert actual == expected  # which shows the difference
+            assert actual == expected  # pytest shows the difference
 
 
 def cases(name: str) -> Any:
-    """Return a decorator that runs a test, which takes `case`, with each case of a transcript in tests/messages."""
+    """Return a decorator that runs a test with each case of a transcript in tests/messages, as its argument `case`."""
     path = FOLDER / name
     _, *texts = f"\n{path.read_text('utf-8')}".split(f"\n{_TITLE}")
     found = [_parse(path, text) for text in texts]
@@ -84,7 +83,7 @@ def _steps(lines: tuple[str, ...]) -> Iterator[list[str]]:
 
 
 def _run(step: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """Run one step and return it with what came back."""
+    """Run a step, an edit or a command, and return its lines in the transcript with the output."""
     if step[0].startswith(_EDIT):
         _edit(Path(step[0].removeprefix(_EDIT)), step[1:])
         return "".join(f"{line}\n" for line in step)

@@ -1,4 +1,4 @@
-"""Volumes as bytes of the formats that are read, in either byte order, most by libraries of the formats."""
+"""Write volumes in the formats that are read, in either byte order, mostly by the formats' own libraries."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _METAIMAGE_TYPES = {
 
 
 def ramp(dtype: str, shape: tuple[int, ...] = (3, 4, 5)) -> Array:
-    """Return values that differ, with both ends of an integer type's range among them."""
+    """Return rising values. The first and last are the ends of the range of an integer type."""
     values = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
     if np.dtype(dtype).kind in "iu":
         values.flat[0], values.flat[-1] = np.iinfo(dtype).min, np.iinfo(dtype).max
@@ -37,26 +37,26 @@ def ramp(dtype: str, shape: tuple[int, ...] = (3, 4, 5)) -> Array:
 
 
 def read(path: Path, spacing: tuple[float, float, float] | None = None, **choice: Any) -> Volume:
-    """Read a file, perhaps with another spacing, a time step, a component or a crop."""
+    """Return the volume in a file. choice: the time step, component or crop to read."""
     return read_volume(VolumeSpec(FileSource(path, spacing), **choice))
 
 
 def refused(path: Path, match: str = ".", **choice: Any) -> InputError:
-    """Return the error for a file that is refused; its text has `match`."""
+    """Return the error of a file that cannot be read. match: a pattern that the message contains."""
     with pytest.raises(InputError, match=match) as error:
         read(path, **choice)
     return error.value
 
 
 def in_memory(write: Callable[..., object], *values: Any, **options: Any) -> bytes:
-    """Return what a function writes into an open file."""
+    """Return the bytes that a function writes into an open file."""
     out = io.BytesIO()
     write(out, *values, **options)
     return out.getvalue()
 
 
 def zipped(names: Iterable[str], data: bytes = b"") -> bytes:
-    """Return an archive with files of the same content, and without times."""
+    """Return a ZIP archive of files that all have the same content, `data`, and no times."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
         for name in names:
@@ -71,7 +71,7 @@ def written(path: Path, data: bytes) -> Path:
 
 
 def write_volume(path: Path, values: Array, order: str) -> None:
-    """Write values [z, y, x] to a .npy, .nrrd, .mha, .nii or .tif file; `order` is `<` or `>`."""
+    """Write values [z, y, x] to a .npy, .nrrd, .mha, .nii or .tif file. order: the byte order, `<` or `>`."""
     write_image(path, values.astype(values.dtype.newbyteorder(order)))  # type: ignore[arg-type]
 
 
@@ -89,10 +89,10 @@ def write_image(
     compressed: bool = False,
     has_components: bool = False,
 ) -> None:
-    """Write [time, z, y, x], [z, y, x] or [y, x], with components last, as NRRD, MetaImage, NIfTI, TIFF or .npy.
+    """Write an image as NRRD (by pynrrd), MetaImage, NIfTI (by nibabel), TIFF (by tifffile) or .npy.
 
-    In LPS. NRRD by pynrrd, NIfTI by nibabel, TIFF by tifffile. A compressed .mhd or .nhdr file has its voxels beside
-    it.
+    values: [time, z, y, x], [z, y, x] or [y, x]; components, if any, are the last axis. origin, direction: in the axes
+    left, posterior, superior (LPS). The voxels of a .mhd or .nhdr file are in a file beside it.
     """
     axes = (np.eye(3) if direction is None else direction) * np.asarray(spacing, float)
     if path.suffix in (".nrrd", ".nhdr"):

@@ -42,12 +42,12 @@ _MAX_THREADS = 1000
 MAX_LOSSES = 3
 # Largest number of frames, for each worker, that are under way, or are finished and wait for an earlier frame.
 _WINDOW_PER_WORKER = 4
-# Number of consecutive frames that one worker draws where something moves: they often share layers.
+# Number of consecutive frames that one worker draws if values of the scene move: such frames often share layers.
 _RUN_IN_MOTION = 8
 
 
 class ClusterDrawing:
-    """Draws the frames of a plan with the workers of a cluster, until it is closed.
+    """Draws the frames of a film with the workers of a cluster, until it is closed.
 
     where: the option that chose the cluster, for messages. memory: bytes for the bricks of all processes of a machine;
     None for half of its free memory.
@@ -159,13 +159,13 @@ class ClusterDrawing:
     def _send_stage(self, worker: str) -> Future:
         """Send the stage to a worker, unless some worker has it: workers pass it on to each other."""
         with self._lock:
-            if self._stage_data is None or self._stage_data.status != "finished":  # all workers that had it are lost
+            if self._stage_data is None or self._stage_data.status != "finished":  # every worker with the stage is lost
                 stage_data = SerializedStage(serialize_stage(self.plan.stage))
                 self._stage_data = self._client.scatter(stage_data, workers=[worker], hash=False)
             return self._stage_data
 
     def _fetch(self, worker: str, future: Future) -> DrawnPictures | None:
-        """Fetch the pictures of a frame from its worker; None where the worker died before they came."""
+        """Fetch the pictures of a frame from its worker; None where the worker died before the pictures came."""
         seconds = _FETCH_TIMEOUT_S
         while True:
             try:

@@ -47,9 +47,9 @@ class SerializedStage:
 
     def __init__(self, content: npt.NDArray[np.uint8]) -> None:
         self._content = content
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="hsplat")  # starts with its first task
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="hsplat")  # starts at the first task
         self._rasterizers: list[Rasterizer] = []  # at most one
-        # Not called when Python ends: threads have ended by then.
+        # The finalizer is not called when Python ends, because threads have ended by then.
         weakref.finalize(self, _close, self._thread, self._rasterizers).atexit = False
 
     def __reduce__(self) -> tuple[type[SerializedStage], tuple[npt.NDArray[np.uint8]]]:

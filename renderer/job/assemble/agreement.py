@@ -1,4 +1,4 @@
-"""Check that parts belong to one film, and that they have all of its frames."""
+"""Check that the parts to assemble belong to one film, and that they have all of its frames."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def _film_identity(part: FinishedFilm) -> dict[str, object]:
 
 
 def pick_frames(parts: Sequence[FinishedFilm], numbers: Iterable[int]) -> tuple[list[FrameFile], list[Problem]]:
-    """Return these frames, each from the first part that has it, and problems.
+    """Return the files of these frames, each from the first part that has it, and the problems of the parts.
 
-    There is a problem for frames that no part has, and for each frame that differs between two parts.
+    There is one problem for all frames that no part has, and one for each frame that differs between two parts.
     """
     found: dict[int, list[FrameFile]] = {}
     for part in parts:
@@ -101,7 +101,7 @@ def _missing_problems(missing: Sequence[int], part: FinishedFilm) -> Iterator[Pr
 
 
 def _command(part: FinishedFilm, start: int, stop: int) -> str:
-    """Return the command that draws these frames beside the frames of a part."""
+    """Return the command that draws these frames into the folder of a part."""
     words = ["hsplat", "render", str(part.path)]
     if part.has_goal:
         ((name, value),) = schedule_to_dict(part.record.schedule.requested).items()

@@ -107,7 +107,7 @@ def _scene_problems(record: FilmRecord) -> list[Problem]:
 
 
 def _known(table: schema.FieldTable) -> schema.FieldType[Any]:
-    """Return the type of a mapping that has all keys of a table. Its other keys are ignored."""
+    """Return the type of a field that is a mapping with all keys of a table. Other keys of the mapping are ignored."""
 
     def parse(node: schema.TreeNode) -> Any:
         if isinstance(node.value, Mapping):

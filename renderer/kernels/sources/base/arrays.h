@@ -10,8 +10,8 @@ constexpr double INFINITE = __builtin_inf();
 // The result of a kernel. Python raises MemoryError, IndexError or KeyboardInterrupt for the last three.
 enum Status : int32_t { DONE = 0, NO_MEMORY = 1, OUT_OF_BOUNDS = 2, STOPPED = 3 };
 
-// An array whose elements are `array(z, y, x)`. A checked build traps if an index is out of bounds; other builds check
-// nothing.
+// A contiguous array in C order, of which `array(z, y, x)` is an element. A checked build traps if an index is out of
+// bounds; other builds check nothing.
 template <class T, int DIMENSIONS>
 struct Array {
     T* data;

@@ -17,13 +17,13 @@ GuardRegions guarded;
 // The handler of SIGBUS that this handler replaces.
 struct sigaction former;
 
-// Return the end of a region: the address after its last byte. It is the last number of a region that Python sets.
+// Return the end of a region: the address after its last byte. Python sets this number of a region after all others.
 int64_t end_of(int64_t region) { return __atomic_load_n(&guarded.regions(region, 1), __ATOMIC_ACQUIRE); }
 
 void handle(int number, siginfo_t* information, void*) {
     const auto& [regions, page_size] = guarded;
     const int64_t fault = (int64_t)information->si_addr;
-    const bool was_sent = information->si_code <= 0;  // a process sent the signal, which has no address
+    const bool was_sent = information->si_code <= 0;  // a signal that a process sent has no address of a fault
     for (int64_t k = 0; k < regions.shape[0] && !was_sent; k++) {
         const int64_t end = end_of(k);
         if (fault < regions(k, 0) || fault >= end) continue;
@@ -49,7 +49,7 @@ Status guard_regions(const GuardRegions* arguments) {
     struct sigaction action = {};
     action.sa_sigaction = handle;
     action.sa_flags = SA_SIGINFO;
-    // The former handler is read first, because a fault may come at once.
+    // The former handler is stored before the new one is installed, because a fault may come at once.
     if (sigaction(SIGBUS, nullptr, &former) == 0) sigaction(SIGBUS, &action, nullptr);
 #endif
     return DONE;

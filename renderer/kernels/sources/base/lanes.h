@@ -18,7 +18,7 @@ using Floats = Vector<float, LANES>;
 using Ints = Vector<int32_t, LANES>;
 using Mask = Vector<bool, LANES>;
 
-// Operators that clang's vectors lack, or have with another meaning.
+// Operations that clang's vectors lack, or define in another way than is needed here.
 
 // Return a mask with one bit for each lane, from a comparison of vectors, which gives 0 or -1 as an integer in each
 // lane.
@@ -61,7 +61,7 @@ INLINE Vector<float, NUM> fused(Vector<float, NUM> x, Vector<float, NUM> y, Vect
     Longs bits;
     __builtin_memcpy(&bits, &sum, sizeof bits);
     Longs is_inexact = (error < 0.0) | (error > 0.0);
-    Longs towards = ((error > 0.0) ^ (sum > 0.0)) | 1;  // 1 away from 0, -1 towards 0
+    Longs towards = ((error > 0.0) ^ (sum > 0.0)) | 1;  // 1 moves the sum away from 0, -1 towards 0
     bits += is_inexact & ~(-(bits & 1)) & towards;
     __builtin_memcpy(&sum, &bits, sizeof sum);
     return __builtin_convertvector(sum, Vector<float, NUM>);
@@ -158,8 +158,9 @@ struct Four {
     V a, b, c, d;
 };
 
-// Return a vector in which each group of four lanes has lanes A, B, C and D of the same groups of two vectors. The
-// numbers 0 to 3 are lanes of the first vector's group, the numbers 4 to 7 lanes of the second vector's group.
+// Return a vector that is shuffled from two vectors, each group of four lanes alike. A, B, C, D: the lanes that a group
+// of the result takes from the groups at the same place in both vectors; 0 to 3 are lanes of the first vector's group,
+// 4 to 7 lanes of the second vector's group.
 template <int A, int B, int C, int D, class V, int... LANE>
 INLINE V interleave(V one, V other, Lanes<LANE...>) {
     constexpr int num = sizeof...(LANE), picked[4] = {A, B, C, D};

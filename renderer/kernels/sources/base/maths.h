@@ -78,7 +78,7 @@ struct Reduced {
 
 // Reduce exp(high + low), for |high| below 2^20 and a far smaller |low|.
 INLINE Reduced reduce(double high, double low) {
-    constexpr double to_integer = 0x1.8p52;  // a sum with this number has no bits after the binary point
+    constexpr double to_integer = 0x1.8p52;  // adding this number rounds to an integer
     constexpr Quad exact = LOG_2 / PowersOfTwo::NUM;
     constexpr double unit = (double)(1 / exact), step = rounded(exact, 0x1p-42), step_lacks = (double)(exact - step);
     double shifted = high * unit + to_integer, k = shifted - to_integer;  // k * step is exact

@@ -20,7 +20,7 @@ INLINE Eight means_of_nearest(const Load& cells_at) {
     constexpr double scale = 16;  // with this divisor, sums of up to twelve numbers do not overflow
     Eight means = in_all<Eight>(__builtin_nan(""));
 #pragma clang loop unroll(full)
-    for (int distance = 3; distance > 0; distance--) {  // the squared distance; the nearest ones come last
+    for (int distance = 3; distance > 0; distance--) {  // the squared distance of neighbours; the nearest come last
         Eight totals = {}, nums = {};
 #pragma clang loop unroll(full)
         for (int number = 0; number < 27; number++) {
@@ -48,7 +48,7 @@ inline bool fill_absent(const Field& field, const Field& filled) {
                 auto cells_at = [&](int number) {
                     return load<Eight>(&field(z + number / 9, y + number / 3 % 3, x + number % 3), 0);
                 };
-                Eight values = cells_at(13);  // the cells themselves, in the middle
+                Eight values = cells_at(13);  // the eight voxels themselves, each in the middle of 27
                 Vector<bool, 8> are_absent = mask_of(values != values);
                 if (any_of<8>(are_absent)) {
                     is_whole = false;

@@ -11,7 +11,7 @@ constexpr int64_t STRIDES[3] = {1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED
 struct Border {
     // [18^3, 4]: the texels of the brick.
     Array<float, 2> texels;
-    // The largest ratio of a colour to its optical depth, to which extrapolated colours are clamped.
+    // The largest ratio of a mean of tau c to a mean of tau, to which extrapolated colours are clamped.
     double brightest;
 
     // Write to the texel `at` a value extrapolated `distance` cells beyond the middle of `last`, along the line through

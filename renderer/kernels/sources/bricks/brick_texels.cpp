@@ -25,8 +25,9 @@ struct Places {
     // For each texel, the weight of the difference between the two voxels beside the nearest one.
     double weights[PADDED_BRICK_SIZE + 2];
 
-    // num: the number of voxels of the volume along the axis. start: the voxel of the volume at the first texel.
-    // side: the number of texels. weight: the weight of all differences; 0 for the reciprocal of their distance.
+    // num: the number of voxels of the volume along the axis. start: the voxel of the volume at the first texel. side:
+    // the number of texels. weight: the weight of all differences; at 0, the weight of a difference is the reciprocal
+    // of the distance of its two voxels.
     Places(int64_t num, int64_t start, int64_t side, double weight) {
         for (int64_t t = 0; t < side; t++) {
             int64_t voxel = least(most<int64_t>(start + t, 0), num - 1);
@@ -70,7 +71,7 @@ void fill_gradients(const Field& field, const int64_t (&shape)[3], const Array<c
         }
 }
 
-// Smooth a field by (1, 4, 6, 4, 1) / 16 along each axis, and move it by two places towards 0.
+// Smooth a field by (1, 4, 6, 4, 1) / 16 along each axis, and move the numbers by two places towards index 0.
 void smooth(const Field& field) {
     int64_t side = field.shape[0], steps[3] = {1, side, side * side};
     for (int64_t step : steps)

@@ -23,14 +23,14 @@ struct MeasureVoxelBricks {
     // The scalars, ascending, at which the transfer function changes between invisible and visible
     // (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
-    // The channels w whose variation is measured, as a function of the scalar.
+    // The table of the channels w (subvoxel.cpp), whose variation is measured, as a function of the scalar.
     TransferTable curve;
     // [z, y, x]: 0 for voxels that a mask hides; None without a mask.
     Maybe<Array<const uint8_t, 3>> shown;
     // Whether labels are lit. Lit labels end at the border of the volume; unlit labels continue beyond.
     bool are_lit;
-    // [n, 18, 18, 18, 4]: the channels w of voxels that are colours, linear between voxels: of the measures, only J is
-    // then written. None to measure by the voxels' scalars.
+    // [n, 18, 18, 18, 4]: the channels w (subvoxel.cpp) of voxels that are colours, linear between voxels: only J is
+    // then written to `measures`. None to measure by the voxels' scalars.
     EACH_CALL Maybe<Array<const float, 5>> texels;
     // [z, y, x, 2, 3]: the visible bounds of the bricks, as in BrickLevel; the caller must zero the array.
     Array<float, 5> bounds;

@@ -194,7 +194,7 @@ struct Distance {
 // Return D^2 and width^2 of a range of scaled scalars, from the segment `first` to `last`, where the ends have the
 // channels w0 and w1.
 Distance distance(const Curve& curve, Range range, int64_t first, int64_t last, Channels w0, Channels w1) {
-    Channels d = {};  // the distance from the line at the control value before
+    Channels d = {};  // the distance from the line at the previous control value
     double before = 0, total = 0, slopes = 0;
     for (int64_t k = first; k < last; k++) {
         double t = (curve.value(k) - range.low) / (range.high - range.low), u = 1 - t;
@@ -214,11 +214,11 @@ Distance distance(const Curve& curve, Range range, int64_t first, int64_t last, 
 
 // The variation in a brick, by the definitions of D, width and J at the head of this file.
 struct Variation {
-    // The largest D or J of a dual cell of the brick.
+    // The largest D or J, defined at the head of this file, of the brick's dual cells.
     double largest;
-    // The root mean square of D / width^2 over the dual cells of the brick.
+    // The root mean square of D / width^2, defined at the head of this file, over the dual cells of the brick.
     double steps;
-    // The root mean square of J over the dual cells of the brick.
+    // The root mean square of J, defined at the head of this file, over the dual cells of the brick.
     double differences;
 };
 
@@ -269,8 +269,8 @@ Variation with_edges(const Variation& found, const DualCells& cells, const Curve
     return {__builtin_sqrt(largest), __builtin_sqrt(squared(found.steps) + total / cells.size()), found.differences};
 }
 
-// Measure J alone, from the largest difference in each channel. differs(z, y, x): tells whether the channels w may
-// differ between the corners of a dual cell. w_at(z, y, x): returns w at a corner.
+// Measure only J, defined at the head of this file, from the largest difference in each channel. differs(z, y, x):
+// tells whether the channels w may differ between the corners of a dual cell. w_at(z, y, x): returns w at a corner.
 template <class Differs, class Corner>
 Variation differences(const DualCells& cells, const Differs& differs, const Corner& w_at) {
     double largest = 0, total = 0;
@@ -337,7 +337,7 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         if (is_varying || is_visible) to_ranges(of_brick);
         if (is_visible) find_visible_bounds(of_brick, breakpoints, bounds[z][y][x]);
         if (!is_varying) continue;
-        const auto& loaded = around.field;  // one voxel larger than the dual cells on each side
+        const auto& loaded = around.field;  // the loaded field is one voxel larger than the dual cells on each side
         Variation found;
         if (voxels.is_labels) {
             auto differs = [&](int64_t w, int64_t v, int64_t u) { return low.field(w, v, u) < high.field(w, v, u); };

@@ -26,7 +26,8 @@ INLINE Floats interpolate_row(const Array<const float, 3>& grid, Floats x, float
     Ints i = to_int32(x);
     int64_t begin = k * slab + j * row + i[0];
     Floats a = x - to_float32(i), values = 0.0f;
-    // Lanes lie side by side, unless a position was rounded across the middle of a cell, or is before the first cell.
+    // The cells of lanes lie side by side, unless a position was rounded across the middle of a cell, or is before the
+    // first cell.
     if (any_of(mask_of(i != i[0] + lane_numbers<Ints>())) || begin < 0 || begin + slab + row + LANES >= flat.shape[0]) {
         for (int lane = 0; lane < LANES; lane++)
             if (is_met[lane]) values[lane] = interpolate_cells(grid, x[lane], y, z);
@@ -97,7 +98,7 @@ Status transmit(const Transmit* arguments) {
     // Arrays for a row of cells, with room for whole vectors: for each cell, the largest optical depth of the cell and
     // its neighbours, the optical depth of a ray so far, and the sum of the transmissions of rays.
     Buffer<float> deepest(num + 2), ray_depths(num + LANES), totals(num + 2 + LANES);
-    Buffer<int64_t> starts(num);  // the first cell of each vector of cells; something is visible near this cell
+    Buffer<int64_t> starts(num);  // the first cell of each vector, a cell near which something is visible
     if (!deepest || !ray_depths || !totals || !starts) return NO_MEMORY;
     for (int64_t row = 0; row < out.shape[0]; row++) {
         if (is_stopped()) return STOPPED;

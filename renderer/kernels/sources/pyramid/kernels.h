@@ -18,13 +18,14 @@ struct VisibleNodes {
     Array<int32_t, 2> cells;
     // [n]: the number of voxels of each node; empty if the caller needs no numbers.
     Array<int64_t, 1> sizes;
-    // [3]: the number of visible nodes on each level of the groups.
+    // [3]: the number of visible nodes on each level, over all groups: of lowest nodes, of parents, and of roots.
     Array<int64_t, 1> counts;
-    // [groups, 4]: the means of the channels of each group's root, visible or not.
+    // [groups, 4]: the means of the channels of the root of each group of 73 nodes, visible or not.
     Array<float, 2> root_means;
-    // [groups, channels]: the means of each group's root, in the channels that errors are measured on.
+    // [groups, channels]: the means of the root of each group of 73 nodes, in the channels that errors are measured on.
     Array<double, 2> root_error_means;
-    // [groups, channels]: the variances of each group's root, in the channels that errors are measured on.
+    // [groups, channels]: the variances of the root of each group of 73 nodes, in the channels that errors are measured
+    // on.
     Array<double, 2> root_variances;
 };
 
@@ -58,19 +59,19 @@ struct BuildBlocks {
 };
 LONG_KERNEL(build_blocks, BuildBlocks)
 
-// Merge the roots of groups into larger groups: two more levels of the pyramid.
+// Merge the roots of groups of 73 nodes into larger groups: two more levels of the pyramid.
 struct MergeTier {
-    // [n, 4]: the means of the four channels of each root.
+    // [n, 4]: the means of the four channels of each root that is merged.
     Array<const float, 2> means;
-    // [n, channels]: the means of each root, in the channels that errors are measured on.
+    // [n, channels]: the means of each root that is merged, in the channels that errors are measured on.
     Array<const double, 2> error_means;
-    // [n, channels]: the variances of each root, in the channels that errors are measured on.
+    // [n, channels]: the variances of each root that is merged, in the channels that errors are measured on.
     Array<const double, 2> variances;
-    // [n]: 64 times the number of a root's group, plus the root's index in the group; ascending.
+    // [n]: 64 times the index of the larger group that a root joins, plus the root's index in that group; ascending.
     Array<const int64_t, 1> places;
-    // [groups, 3]: the number of voxels (x, y, z) of each group that are inside the volume.
+    // [groups, 3]: the number of voxels (x, y, z) of each larger group that are inside the volume.
     Array<const int64_t, 2> extents;
-    // The width of the root of a group that is merged, in voxels.
+    // The width of each root that is merged, in voxels.
     int64_t side;
     // The visible nodes of the larger groups, which the kernel writes.
     VisibleNodes nodes;

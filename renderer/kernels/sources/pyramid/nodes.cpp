@@ -38,8 +38,8 @@ constexpr int64_t NODES_OF_GROUP = 73;
 template <class T>
 constexpr int64_t NUM_CHANNELS = sizeof(T) == sizeof(float) ? 4 : 1;
 
-// Return the part that a voxel's coordinate in its block adds to the voxel's index among 8 x 64 children: the lowest
-// bit of the coordinate selects the child, the highest bit the largest parent.
+// Return the part that a voxel's coordinate in its block adds to the voxel's index among the block's 512 voxels: the
+// lowest bit of the coordinate selects the child of a node, the highest bit the largest parent.
 INLINE int64_t voxel_offset(int64_t x) { return 64 * (x & 1) + 8 * (x >> 1 & 1) + (x >> 2); }
 
 INLINE int64_t voxel_offset(int64_t x, int64_t y, int64_t z) {
@@ -72,13 +72,14 @@ struct Shares {
     // The shares h along x, y and z, for each channel of each node.
     T along[3][WIDTH];
 
-    // extent: the voxels of the group that are inside the volume, along x, y, z. child: the width of the nodes'
+    // extent: the number of voxels of the group inside the volume, along x, y, z. child: the width of the nodes'
     // children, in voxels.
     void set(const int64_t* extent, int64_t child) {
         for (int64_t axis = 0; axis < 3; axis++)
             for (int64_t j = 0; j < WIDTH; j++) {
                 int64_t node = j / NUM_CHANNELS<T>, first = node >> axis & 1;
-                // On the lowest level, the lower bit of an octal digit belongs to the larger parent.
+                // On the lowest level, the lower octal digit of an index stands for the parent, the higher digit for
+                // the node in it.
                 if (NUM == 64) first = first << 1 | (node >> (3 + axis) & 1);
                 int64_t rest = extent[axis] - first * 2 * child;
                 int64_t low = least(most(rest, (int64_t)0), child), high = least(most(rest - child, (int64_t)0), child);
@@ -113,7 +114,7 @@ class Group {
     Shares<T, 8> parent_shares;
     // The shares h by which parents are merged into the root.
     Shares<T, 1> root_shares;
-    // The number of voxels (x, y, z) inside the volume for which the shares were computed.
+    // The number of voxels (x, y, z) of the group inside the volume, for which the shares were computed.
     int64_t cut[3] = {};
 
     template <int64_t NUM>
@@ -281,7 +282,7 @@ INLINE VoxelBox box_at(const Array<const int64_t, 2>& starts, const Array<const 
     return {{starts(g, 0), starts(g, 1), starts(g, 2)}, {extents(g, 0), extents(g, 1), extents(g, 2)}};
 }
 
-// Build the nodes of all blocks. errors: the group of the channels that errors are measured on, which may be `group`
+// Build the nodes of all blocks. errors: the group with the channels that errors are measured on; it may be `group`
 // itself. build_errors(box): builds `errors`, unless it is `group`.
 template <class T, class Build>
 Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& errors, Build build_errors) {
@@ -392,7 +393,7 @@ Status build_blocks(const BuildBlocks* arguments) {
 // Merge the roots of groups, `side` voxels wide, into larger groups, of which `extents` voxels (x, y, z) are inside the
 // volume.
 //
-// places: 64 times the number of a root's group, plus the root's index in the group; ascending.
+// places: 64 times the index of the larger group that a root joins, plus the root's index in that group; ascending.
 Status merge_tier(const MergeTier* arguments) {
     return arguments->variances.shape[1] == 1 ? merge_all<double>(*arguments) : merge_all<float>(*arguments);
 }

@@ -15,10 +15,10 @@ struct PlaceSplats {
     // [shapes, 3]: the vector (x, y, z) in voxels that, added to the place of a cell's first voxel, gives the cell's
     // centre relative to the volume's centre.
     Sized<const double, 2, 3> shift_of_shape;
-    // [shapes]: the optical area, the integral of a splat's footprint, of a cell whose mean depth is 1, in model units
-    // squared.
+    // [shapes]: the optical area, the integral of a splat's footprint, of a cell whose mean depth is 1, in squared
+    // model units (a model unit is half the volume's diagonal).
     Array<const double, 1> area_of_shape;
-    // [3, 3]: the matrix from vectors in voxels to vectors in model units, in world axes.
+    // [3, 3]: the matrix from vectors in voxels to vectors in world axes, in model units (half the volume's diagonal).
     double model_from_index[9];
     // [n, 8]: the vertices of the splats, as in SplatBatch (renderer/splats/splats.py).
     Sized<float, 2, 8> vertices;

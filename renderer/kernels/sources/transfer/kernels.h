@@ -84,6 +84,6 @@ struct PiecewiseTransfer {
     // [GUIDE_SIZE]: a scalar u >= b / GUIDE_SIZE lies in segment guide[b] or later. A scalar u < 0 lies in the first
     // segment.
     Array<const int32_t, 1> guide;
-    // The u below which no scalar is visible.
+    // The normalized scalar u below which no scalar is visible.
     float lowest_visible;
 };

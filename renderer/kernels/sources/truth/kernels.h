@@ -119,7 +119,7 @@ struct MaskRays {
     LayerOptics layer;
     // The rays, in the index space of the mask.
     IndexRays rays;
-    // [n, k, 2]: the distances at which the first k parts of each ray start and end.
+    // [n, k, 2]: the distances at which the first k parts of each ray inside the mask start and end.
     Array<double, 3> parts;
     // [n]: the number of parts of each ray inside the mask, which may exceed k.
     Array<int64_t, 1> counts;
@@ -136,7 +136,7 @@ struct SearchRays {
     // The factor on values: rays look for the largest product of the factor and a value. The factor is negative to find
     // the smallest value.
     double sign;
-    // Among products that differ by no more than this, the first along the ray counts.
+    // Among products of `sign` and a value that differ by no more than this number, the first along the ray counts.
     double least_rise;
     // The rays, in the volume's index space.
     EACH_CALL IndexRays rays;

@@ -4,7 +4,7 @@
 namespace truth {
 namespace {
 
-// In place of an axis, along which a difference is taken, this asks for the value of the voxel itself.
+// The value of `axis` that asks for a voxel's value, and not for a difference along an axis.
 constexpr int VALUE = -1;
 
 // The voxels at the corners of a cell, and the voxels around them up to a margin.
@@ -42,7 +42,8 @@ struct Surroundings {
         return (here[after * step] * scale - here[-before * step] * scale) / (double)(before + after);
     }
 
-    // Return the mean term of the nearest of the 26 neighbours inside the volume that have data; NaN if none has.
+    // Return the mean term (scaled difference or value) of the nearest of the 26 neighbours inside the volume that have
+    // data; NaN if none has.
     double nearest_term(Cell voxel, int axis, double scale) const {
         auto [x, y, z] = voxel;
         int64_t nearest = 4;  // the squared distance of the nearest voxels so far; no neighbour is as far as 4
@@ -58,8 +59,9 @@ struct Surroundings {
         return total / num;
     }
 
-    // Return the term of the voxel at a corner of the cell or, if the voxel has no data, the mean term of the nearest
-    // voxels with data. k: the number of the corner, x fastest. absent: the corners without data, one bit for each.
+    // Return the term (scaled difference or value) of the voxel at a corner of the cell or, if the voxel has no data,
+    // the mean term of the nearest voxels with data. k: the number of the corner, x fastest. absent: the corners
+    // without data, one bit for each.
     INLINE double corner_term(int k, int absent, int axis, double scale) const {
         Cell at = cell + Cell{k & 1, k >> 1 & 1, k >> 2};
         for (int j = 0; j < 3; j++) at[j] = least(most<int64_t>(at[j], 0), size[j] - 1);

@@ -15,7 +15,7 @@ namespace truth {
 constexpr int64_t MACROCELL_SIZE = 4;
 // The largest number of voxels along each axis of a cube of voxels that is read at once.
 constexpr int64_t LARGEST_CUBE = 8;
-// The bits of a cell's corners without data, if no corner has data. There is one bit for each corner, x fastest.
+// The set of a cell's corners without data if no corner has data. There is one bit for each corner, x fastest.
 constexpr int ALL_ABSENT = 255;
 
 // The number of a cell, or of a voxel, along x, y, z.
@@ -60,8 +60,8 @@ INLINE bool is_octant_absent(int absent, Point entry, Point extent, double t) {
     return absent >> ((x >= 0.5) + 2 * (y >= 0.5) + 4 * (z >= 0.5)) & 1;
 }
 
-// Add the positions where another corner becomes the nearest to the first `count` splits, which ascend. Return the new
-// count.
+// Add to the first `count` splits, which ascend, the positions at which another corner becomes the nearest. Return the
+// new number of splits.
 inline int64_t add_middles(Point entry, Point extent, const Array<double, 1>& splits, int64_t count) {
     for (int axis = 0; axis < 3; axis++)
         if (extent[axis] != 0.0) count = insert_split(splits, count, (0.5 - entry[axis]) / extent[axis]);

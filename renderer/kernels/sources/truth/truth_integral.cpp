@@ -78,7 +78,7 @@ struct Step {
     }
 };
 
-// Return one of the equal steps through the part of a piece of a layer that is integrated. number: the number of the
+// Return one of the equal steps through the part of a layer's piece that is integrated next. number: the number of the
 // step. width: the width of each step in x, which goes from 0 to 1 over the part.
 INLINE Step plain_step(const LayerRay& layer, double number, double width) {
     const Piece& part = layer.part;
@@ -170,7 +170,7 @@ struct Integrator {
         return true;
     }
 
-    // Return whether the ray may end, for all bounds of the steps.
+    // Return whether the ray may end, because it is opaque with every bound of the steps.
     bool is_opaque() const {
         double depth = gathered(0, DEPTH);
         for (int64_t k = 1; k < gathered.shape[0]; k++) depth = least(depth, gathered(k, DEPTH));

@@ -21,8 +21,8 @@ INLINE void write_weights(double t, double* weights) {
     weights[2] = 0.2 * most(t, 0.0) + 0.4 * (0.5 + t) * (0.5 + t);
 }
 
-// Smooth lines of 8 numbers by (1, 4, 6, 4, 1) / 16. Each line keeps 4 numbers, and the next axis comes to lie along
-// the lines.
+// Smooth rows of 8 numbers by (1, 4, 6, 4, 1) / 16. Each row keeps 4 numbers, and the next axis comes to lie along the
+// rows.
 void smooth(const double* in, int64_t num_lines, double* out) {
     for (int k = 0; k < 4; k++)
         for (int64_t line = 0; line < num_lines; line++) {
@@ -62,7 +62,8 @@ int64_t LabelSegment::load(const AnyArray<3>& values, const Segment& segment, co
     double ends[5] = {0.0, 1.0, 1.0, 1.0, 1.0};
     for (int64_t k = 0; k < num_splits; k++) ends[k + 1] = splits[k];
     for (int k = 0; k < 4; k++) {
-        // Positions at the very ends are left out, because two labels often have the same sum there.
+        // Positions at the very ends of a part are left out, because two labels often have the same sum of weights
+        // there.
         double low = ends[k] + TOLERANCE, high = ends[k + 1] - TOLERANCE;
         if (low < high) find_changes(winner_at(low), winner_at(high));
     }

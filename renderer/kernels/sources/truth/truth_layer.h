@@ -77,7 +77,7 @@ struct Piece {
 // extrapolated without bounds.
 inline Cubic clamp_cubic(Cubic f, double low, double high) {
     auto [a, b, c, d] = f;
-    // The other Bernstein coefficients; the first one is a.
+    // The other Bernstein coefficients of the cubic; the first one is a.
     double one = a + b / 3.0, two = a + (2.0 * b + c) / 3.0, three = a + b + c + d, room = high - low;
     if (least(least(least(a, one), two), three) >= low - room && most(most(most(a, one), two), three) <= high + room)
         return f;
@@ -135,9 +135,9 @@ struct LayerRay : LayerOptics {
     bool is_mixed;
     // The labels along the segment, if the cell has several.
     LabelSegment labels;
-    // The number of splits of the cell.
+    // The number of positions at which the segment in the cell is split.
     int64_t num_splits;
-    // The number of pieces of the cell that have been taken. Pieces end at the splits and at 1.
+    // The number of pieces of the segment that have been taken. Pieces end at the splits and at 1.
     int64_t num_taken;
     // The position on the segment at which the last piece that was taken ends.
     double taken;
@@ -241,7 +241,7 @@ struct LayerRay : LayerOptics {
         return Color{value_at(channels[0], t), value_at(channels[1], t), value_at(channels[2], t)} / tau;
     }
 
-    // Prepare to take the pieces of the cell. Return whether the cell shows anything.
+    // Prepare to take the pieces of the ray inside the cell. Return whether the cell shows anything.
     INLINE bool enter() {
         const auto& [cell, macrocell, s, s_exit, entry, extent] = segment;
         double corners[8];
@@ -255,7 +255,7 @@ struct LayerRay : LayerOptics {
         cubic = cubic_in_cell(corners, entry, extent);
         if (colors.exists) {
             load_channels(corners);
-            num_splits = absent = 0;  // voxels without data have no extinction here, but no sharp edge
+            num_splits = absent = 0;  // voxels without data have no extinction, and the ray is not split at their edges
             return true;
         }
         num_splits = is_mixed ? labels.load(values, segment, splits) : add_crossings(cubic, intervals.knots, splits, 0);
@@ -292,8 +292,8 @@ struct LayerRay : LayerOptics {
         }
     }
 
-    // Make the part of the cell from t = `from` to `to`, which lies in one interval, the current piece. Return whether
-    // it shows anything.
+    // Make a part of the segment the current piece: from t = `from` to `to`, inside one interval of the transfer
+    // function. Return whether the piece shows anything.
     INLINE bool take(double from, double to) {
         const auto& knots = intervals.knots;
         if (is_mixed) cubic = {labels.winner_at(0.5 * (from + to)).number * intervals.scale, 0.0, 0.0, 0.0};
@@ -303,7 +303,7 @@ struct LayerRay : LayerOptics {
         if (base == 0.0 && slope == 0.0 && !colors.exists) return false;
         Cubic value = restrict_cubic(cubic, from, to - from);
         if (0 < k && k < knots.shape[0]) value = clamp_cubic(value, knots[k - 1], knots[k]);
-        // The optical depth is a cubic, too.
+        // The optical depth is a cubic in x, as the scalar is.
         Cubic tau = slope * value * scale;
         tau[0] = (base + slope * (value[0] - in.origin())) * scale;
         if (colors.exists) tau = restrict_cubic(channels[3], from, to - from) * scale;
@@ -313,7 +313,7 @@ struct LayerRay : LayerOptics {
         return true;
     }
 
-    // Make the next piece of the ray that shows anything the current piece.
+    // Go on to the next piece of the ray that shows anything; it becomes the current piece.
     void take_next() {
         do {
             while (num_taken <= num_splits) {

@@ -109,7 +109,7 @@ struct Light {
             }
             double near = 1.0 - dot(way, way), weight = near * near * near;
             if (!(near > 0.0)) continue;
-            if (near == 1.0) way = {1.0, 0.0, 0.0};  // on the face
+            if (near == 1.0) way = {1.0, 0.0, 0.0};  // the point is on the face
             way /= __builtin_sqrt(dot(way, way));
             auto along = [&](int row) { return dot(point_of(&world_from_own[3 * row]), way); };
             auto [factor, highlight] = lit_by(Point{along(0), along(1), along(2)});

@@ -1,11 +1,11 @@
 // Project the bounds of bricks into a view.
 #include "view/kernels.h"
 
-// In perspective, a box with a corner at this depth or less, in model units, gets the rectangle of the whole image: the
-// position of such a corner on the image would be a division by almost 0.
+// In perspective, a box with a corner at this depth or less, in model units (half the volume's diagonal), gets the
+// rectangle of the whole image: the position of such a corner on the image would be a division by almost 0.
 constexpr double MIN_DEPTH = 1e-6;
 
-// Write the image rectangle of each box of bounds, clipped to the image enlarged by `beyond` pixels on each side.
+// Write the image rectangle of each brick's bounds, clipped to the image enlarged by `beyond` pixels on each side.
 Status project_bounds(const ProjectBounds* arguments) {
     const auto [bounds, camera, beyond, rectangles] = *arguments;
     const int64_t num = bounds.shape[0];
@@ -35,7 +35,7 @@ Status project_bounds(const ProjectBounds* arguments) {
         rectangles(i, 0) = most(left, 0.0), rectangles(i, 1) = most(top, 0.0);
         rectangles(i, 2) = least(right, width), rectangles(i, 3) = least(bottom, height);
     };
-    // There are two loops, because a choice inside one loop takes up to a quarter longer.
+    // There are two loops, because a choice of the projection inside one loop takes up to a quarter longer.
     if (camera.perspective)
         for (int64_t i = 0; i < num; i++) project(i, true);
     else

@@ -21,13 +21,14 @@ struct ClipRegion {
 struct RaySetup {
     // [3, 3]: the matrix from (1, x, y) to the origin of a ray, in index space relative to the volume's centre.
     double origins[9];
-    // [3, 3]: the matrix to directions of rays, in index units per model unit of depth in perspective, and per model
-    // unit of length otherwise.
+    // [3, 3]: the matrix from (1, x, y) to directions of rays, in index units per model unit (half the largest volume's
+    // diagonal): per unit of depth in perspective, and of length otherwise.
     double directions[9];
     // The slope of a ray per pixel of distance from the image's centre: at (x, y), a ray's length per unit of depth is
     // `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     double slope_per_px;
-    // The distance from the origin at which rays start, on the near plane, in model units along the direction.
+    // The distance from the origin at which rays start, on the near plane, in model units (half the largest volume's
+    // diagonal) along the direction.
     double start;
     // The position (x, y) of the image's centre, in pixels.
     double center_px[2];
@@ -35,17 +36,19 @@ struct RaySetup {
     Maybe<ClipRegion> clip;
 };
 
-// A view of a model: where the eye is, and how points are projected to pixels. Lengths are in model units.
+// A view of a model: where the eye is, and how points are projected to pixels. Lengths are in model units (half the
+// volume's diagonal).
 struct ModelView {
-    // [3, 4]: the rotation and translation from the model to the view, in model units.
+    // [3, 4]: the rotation and translation from the model to the view, in model units (half the volume's diagonal).
     double view_from_model[12];
     // Whether the projection is in perspective; orthographic otherwise.
     bool perspective;
-    // The focal length in pixels in perspective; otherwise the number of pixels in a model unit.
+    // The focal length in pixels in perspective; otherwise the number of pixels in a model unit (half the volume's
+    // diagonal).
     double scale_px;
     // The image's width and height, in pixels.
     int64_t size[2];
-    // The depth of the near plane, in model units; nothing nearer to the eye is drawn.
+    // The depth of the near plane, in model units (half the volume's diagonal); nothing nearer to the eye is drawn.
     double near;
     // The largest slopes |x| / depth and |y| / depth, across and down the image. The footprint of a splat with a larger
     // slope is linearised as one with these slopes.
@@ -54,12 +57,13 @@ struct ModelView {
 
 // Find, for each brick, the rectangle of the image in which its bounds lie.
 struct ProjectBounds {
-    // [n, 2, 3]: the lowest and the highest corner of each brick, in model coordinates.
+    // [n, 2, 3]: the lowest and the highest corner of each brick, relative to the volume's centre, in model units (half
+    // the volume's diagonal).
     Sized<const double, 3, 2, 3> bounds;
     ModelView camera;
     // The number of pixels by which rectangles may extend beyond the image; they are clipped there.
     int64_t beyond;
-    // [n, 4]: the left, top, right and bottom of each brick, in pixels.
+    // [n, 4]: the left, top, right and bottom edge of each brick's rectangle, in pixels.
     Sized<double, 2, 4> rectangles;
 };
 KERNEL(project_bounds, ProjectBounds)
@@ -68,7 +72,7 @@ KERNEL(project_bounds, ProjectBounds)
 struct CullSplats {
     // [n, 8]: the vertices of the splats, as in SplatBatch (renderer/splats/splats.py).
     Sized<const float, 2, 8> vertices;
-    // [shapes]: the largest standard deviation of a splat of each shape, in model units.
+    // [shapes]: the largest standard deviation of a splat of each shape, in model units (half the volume's diagonal).
     Array<const double, 1> sigmas;
     // The radius at which the footprint of a splat ends, in standard deviations.
     double cutoff;
@@ -83,7 +87,7 @@ struct CullSplats {
     ModelView camera;
     // The unit vector in the world along which depths are measured.
     double along[3];
-    // [n]: the depths of the splats' centres, relative to the model's origin.
+    // [n]: the depths of the splats' centres, relative to the volume's centre.
     Array<float, 1> depths;
     // [n]: whether the footprint of each splat may meet the image.
     Array<bool, 1> is_visible;

@@ -2,7 +2,7 @@
 #include "view/kernels.h"
 
 // Write the depths of the splats' centres, and whether their footprints may meet the image. Depths are relative to the
-// model's origin: measured from a distant eye, they would lose their order in float32. A splat that the near plane
+// volume's centre: measured from a distant eye, they would lose their order in float32. A splat that the near plane
 // clips is not drawn at its centre, and so always counts as a splat that meets the image.
 Status cull_splats(const CullSplats* arguments) {
     const auto [vertices, sigmas, cutoff, min_sigma_px, clipped_sigmas, culled_sigmas, camera, along, depths,

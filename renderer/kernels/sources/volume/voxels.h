@@ -30,7 +30,7 @@ INLINE void for_voxels(const VoxelBox& box, Function function) {
                 for (int64_t x = 0; x < num_x; x++) function(x, y, z);
     };
     const auto& [num_x, num_y, num_z] = box.extent;
-    if (num_x * num_y * num_z == SIDE * SIDE * SIDE) call(SIDE, SIDE, SIDE);  // fixed, to be unrolled
+    if (num_x * num_y * num_z == SIDE * SIDE * SIDE) call(SIDE, SIDE, SIDE);  // constants, so that loops are unrolled
     else call(num_x, num_y, num_z);
 }
 
