@@ -21,8 +21,8 @@ premultiplied RGBA without a background. Each footprint, splats or bricks, has i
 - `bricks/brick_rasterizer.py`: the rasteriser, which shares the memory for bricks among layers.
 - `bricks/brick_cache.py`: keeps the texels of bricks.
 - `bricks/grid.py`: divides the picture into tiles, and finds the bricks over each.
-- `bricks/bands.py`: joins tiles whose bricks have room at once.
-- `bricks/antialiasing.py`: draws several rays in pixels that one ray cannot tell.
+- `bricks/bands.py`: joins tiles whose bricks fit into the caches at once.
+- `bricks/antialiasing.py`: draws several rays in pixels whose colour one ray cannot tell.
 - `bricks/subsampling.py`: interpolates between pixels that are drawn.
 - `bricks/field.py`: the field of scalars that samples are taken from, and its colours.
 - `bricks/light.py`: light and extinction that depend on the view or on gradients.

@@ -1,4 +1,4 @@
-"""Define the interface of rasterisers, of splats and of bricks."""
+"""Define the interface that the rasterisers of splats and of bricks have in common."""
 
 from __future__ import annotations
 
@@ -10,20 +10,23 @@ from renderer.view import View
 from renderer.volume import Float32, Float64, UInt32
 
 R = TypeVar("R", bound="Rasterizer")
-# Colours rays by what they have gathered: from float32 [n, 4] of rays at positions in the picture, float64 [n, 2], in
-# pixels, or [h, w, 4] of a whole picture with None, to premultiplied RGBA of the same shape.
+# A function that turns the amounts gathered by rays into premultiplied RGBA of the same shape. It takes float32 [n, 4]
+# with the rays' positions in the picture, float64 [n, 2], in pixels; or float32 [h, w, 4] of a whole picture with None.
 RayColors = Callable[[Float32, Float64 | None], Float32]
 
 
 class BrickMemory(NamedTuple):
-    """The bytes that a scene's visible bricks need if all of them are kept, and the most bytes that they may take."""
+    """The memory for the bricks of a scene, in bytes.
+
+    needed: for all visible bricks. limit: the most that bricks may take; with less than `needed`, some are made again.
+    """
 
     needed: int
     limit: int
 
 
 class Rasterizer(Protocol):
-    """A rasteriser of the sorted elements of one footprint: of one SplatBatch, or of BrickBatches.
+    """A rasteriser: it draws sorted elements of one footprint, those of one SplatBatch or of BrickBatches.
 
     Use it as a context manager, or call `release`.
     device: the name of the device that draws; the bytes of pictures depend on it.
@@ -61,6 +64,6 @@ class Rasterizer(Protocol):
     ) -> Float32:
         """Composite `batch[order]` of all batches, splats back to front and bricks front to back, over nothing.
 
-        colors: of projections, which bricks alone have.
+        colors: the function that colours rays in a mode that shows a number in place of light, which needs bricks.
         Returns float32 [height, width, 4], premultiplied RGBA.
         """

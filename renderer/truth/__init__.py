@@ -1,12 +1,12 @@
-"""What pictures are measured against: means over pixels of the converged ray integral.
+"""Compute the truth with which pictures are compared: means over pixels of the converged ray integral.
 
-In: layers, each a `Volume` and its transfer function, and a `View`. Out: float64 colours of rays through places in the
-picture, of the continuous fields: trilinear interpolation, then classification (Max 1995); and their means over pixels.
-Labels are not interpolated, but divide space into regions; a mask leaves some regions of a layer.
+In: layers, each a `Volume` and its transfer function, and a `View`. Out: the float64 colours of rays through places in
+the picture, by the continuous fields: trilinear interpolation, then classification (Max 1995); and means of the colours
+over pixels. Labels are not interpolated, but divide space into regions; a mask shows a layer in some regions alone.
 `RayIntegrator.converge` halves the steps until nothing changes (Etiene et al. 2014).
 
 - `pixel_means.py`: the mean over each pixel, by as many rays as it needs, and its variance; `places.py`: the places in
-  the picture that they pass through.
+  the picture that the rays pass through.
 - `scene_rays.py`: the rays of a scene, in the colours of its mode, and the search for the largest scalar of a ray.
 - `integrator.py`: places to rays in each layer's grid, and steps halved until they converge; `optics.py`: layers, their
   transfer functions and their light, as kernels take them; `kept_parts.py`: the parts of rays that clipping leaves.

@@ -1,10 +1,10 @@
-"""Compute what pixels show: the mean over their area of the display-referred colours of exact rays.
+"""Compute the exact colours of pixels: the means over their area of the display-referred colours of exact rays.
 
-A pixel is divided into side x side equal squares, and two rays pass through random places of each. Their mean x has an
-error of its own, whose variance v the two rays of each square tell without bias: so (a - x)^2 - v has the expectation
-of the squared error of a colour a, however few rays there are. How many a pixel needs is decided by other rays, which
-are not used again: a choice by the rays that count would favour the pixels whose rays happen to agree (D. Kirk and
-J. Arvo, "Unbiased Sampling Techniques for Image Synthesis", SIGGRAPH 1991).
+A pixel is divided into side x side equal squares, and two rays pass through random places of each. The mean x of all
+rays has an error of its own, and the two rays of each square give an unbiased estimate v of its variance: so
+(a - x)^2 - v has the expectation of the squared error of a colour a, however few rays there are. How many rays a pixel
+needs is decided by other rays, which are not used again: a choice by the rays of the mean would favour pixels whose
+rays happen to agree (D. Kirk and J. Arvo, "Unbiased Sampling Techniques for Image Synthesis", SIGGRAPH 1991).
 """
 
 from __future__ import annotations
@@ -24,37 +24,43 @@ from renderer.truth.scene_rays import SceneRays
 from renderer.view import View
 from renderer.volume import Array, Bools, Float64, Int64
 
-# Squares along a side of a pixel, by the largest difference of a channel among the first rays of the pixel and of its
-# eight neighbours, from this difference on. Where an edge crosses a pixel, the sum of variances over a picture is the
-# least for its rays if sides grow with the fifth root of a pixel's variance. In frames of eight scans of 256 x 256
-# pixels, pictures then have errors of 63 to 69 dB from 10 to 18 rays a pixel.
+# Pairs of a difference and the number of squares along a side of a pixel from this difference on. The difference is the
+# largest one of a channel, from 0 to 1, among the first rays of the pixel and of its eight neighbours. For edges, the
+# sum of variances over a picture is least, at a given number of rays, if sides grow with the fifth root of a pixel's
+# variance. In frames of eight scans of 256 x 256 pixels, pictures then have errors of 63 to 69 dB with 10 to 18 rays a
+# pixel.
 _SIDES = ((0.0, 1), (0.01, 2), (0.06, 4), (0.34, 8))
-# Rays in each square.
+# The number of exact rays through each square of a pixel: two, whose difference gives the variance.
 RAYS_PER_SQUARE = 2
-# Squares along a side for the first rays, one in each: of wires of a tenth of a pixel they miss a sixteenth of the
-# pixels; 2 miss a quarter.
+# The number of squares along a side of a pixel for the first rays, one in each square. With 3, the first rays miss a
+# wire a tenth of a pixel wide in a sixteenth of its pixels; with 2, in a quarter.
 _FIRST_SIDE = 3
-# The step of the first rays, in voxels: their errors, of 1e-4, are far less than the differences that count.
+# The step of the first rays, in voxels: their errors, of 1e-4, are far less than the differences in _SIDES.
 _FIRST_STEP = 1.0
-# Rays that are integrated at once.
+# At most this many rays are integrated at once, which bounds the memory.
 _RAYS_AT_ONCE = 2**17
-# The part of the whole progress that the first rays take.
+# The share of the whole progress that the first rays count for.
 _FIRST_SHARE = 0.2
 
 Floats = npt.NDArray[np.floating]
 
 
 class PixelMeans(NamedTuple):
-    """The means of pixels, float [..., 3] in [0, 1], over the background, and the variance of each as an estimate."""
+    """Means over the area of pixels.
+
+    colors: float [..., 3], in [0, 1], over the background. variances: of the same shape, the estimated variance of each
+    mean.
+    """
 
     colors: Floats
     variances: Floats
 
 
 class MeanPicture(NamedTuple):
-    """A picture of means. means: [h, w, 3]. num_rays: of each pixel, int64 [h, w]. is_seen: whether they meet anything.
+    """An exact picture, whose pixels are means of rays.
 
-    convergence: of all rays together.
+    means: [h, w, 3]. num_rays: int64 [h, w], the number of rays of each pixel. is_seen: bool [h, w], whether any of a
+    pixel's rays meets something visible. convergence: the record of all rays together.
     """
 
     means: PixelMeans
@@ -72,7 +78,7 @@ def mean_over_pixels(
     seed: Sequence[int],
     on_progress: Progress = ignore,
 ) -> MeanPicture:
-    """Compute the mean over each pixel of a view; a pixel's rays follow from the seed and from its number.
+    """Compute the mean over each pixel of a view. The seed and a pixel's number decide the places of its rays.
 
     tolerance, on_progress: as in `SceneRays.converge`.
     """
@@ -100,25 +106,26 @@ def mean_over_pixels(
 
 
 def means_over(radiance: Float64, behind: Float64, sides: Int64) -> PixelMeans:
-    """Return the means of pixels, [n, 3], from the premultiplied RGBA of their rays, in the order of their squares.
+    """Return the means of n pixels from their rays, which are put over the background and clipped before averaging.
 
-    behind: what is behind each pixel, [n, 3]. Rays are put over it and clipped before they are averaged. sides: the
-    squares along a side of each pixel.
+    radiance: [rays, 4], premultiplied RGBA, pixel by pixel and square by square. behind: [n, 3], the background behind
+    each pixel. sides: int64 [n], the number of squares along a side of each pixel.
     """
     nums = sides**2
     colors = _colors_over(radiance, np.repeat(behind, nums * RAYS_PER_SQUARE, axis=0)).reshape(-1, RAYS_PER_SQUARE, 3)
-    of_squares = np.stack([colors.mean(axis=1), (colors[:, 0] - colors[:, 1]) ** 2 / 4.0])  # and of their variances
+    # The mean of the two rays of each square, and the variance of this mean.
+    of_squares = np.stack([colors.mean(axis=1), (colors[:, 0] - colors[:, 1]) ** 2 / 4.0])
     sums = np.add.reduceat(of_squares, np.cumsum(nums) - nums, axis=1)
     return PixelMeans(sums[0] / nums[:, None], sums[1] / nums[:, None] ** 2)
 
 
 def _colors_over(radiance: Float64, behind: Float64) -> Float64:
-    """Return the display-referred colours of rays, [n, 3]; behind: what is behind each, [n, 3]."""
+    """Return the display-referred colours of rays, [n, 3]. behind: [n, 3], the background behind each ray."""
     return over_rows(radiance[:, None], behind)[:, 0]
 
 
 def _sides(rays: SceneRays, view: View, behind: Float64, seed: Sequence[int], on_progress: Progress) -> Int64:
-    """Return how many squares each pixel needs along its side, int64 [pixels], by a few rays of each."""
+    """Return how many squares each pixel needs along its side, int64 [pixels], by a few first rays through each."""
     width, height = view.size
     highest, lowest = np.empty((2, width * height, 3))
     batches = [*_batches(np.full(width * height, _FIRST_SIDE))]
@@ -133,20 +140,24 @@ def _sides(rays: SceneRays, view: View, behind: Float64, seed: Sequence[int], on
 
 
 def _largest_around(values: Float64) -> Float64:
-    """Return the largest value of each pixel and its eight neighbours, [h, w, channels]."""
+    """Return the largest value, in each channel, of each pixel and its eight neighbours: [h, w, channels]."""
     padded = np.pad(values, ((1, 1), (1, 1), (0, 0)), mode="edge")
     in_rows = np.maximum(np.maximum(padded[:, :-2], padded[:, 1:-1]), padded[:, 2:])
     return np.asarray(np.maximum(np.maximum(in_rows[:-2], in_rows[1:-1]), in_rows[2:]))
 
 
 def sides_for(differences: Array, table: Sequence[tuple[float, int]]) -> Int64:
-    """Return the side that a table gives from each of some differences on, the first of which is 0; int64 [n]."""
+    """Return the number of squares along the side of each pixel, int64 [n].
+
+    differences: [n], how much the picture varies around each pixel. table: rows of a difference and the side from this
+    difference on, ascending; the first difference is 0.
+    """
     limits, sides = np.transpose(table)
     return np.asarray(sides[np.searchsorted(limits, differences, side="right") - 1], np.int64)
 
 
 def _batches(sides: Int64) -> Iterator[tuple[int, Int64]]:
-    """Yield pixels that have as many squares as each other, with their side; few enough for their rays at once."""
+    """Yield batches of pixels with the same side, after this side: few enough to integrate their rays at once."""
     for side in np.unique(sides).tolist():
         pixels = np.flatnonzero(sides == side)
         num_at_once = max(1, _RAYS_AT_ONCE // (RAYS_PER_SQUARE * side**2))
@@ -154,7 +165,7 @@ def _batches(sides: Int64) -> Iterator[tuple[int, Int64]]:
 
 
 def _together(found: Sequence[Convergence]) -> Convergence:
-    """Return the convergence of all rays from those of parts of them, whose steps are the same."""
+    """Return the convergence of all rays from the convergences of several batches, which have the same steps."""
     steps = max((each.step_voxels for each in found), key=len)
     changes = (max(at_step) for at_step in zip_longest(*(each.change for each in found), fillvalue=0.0))
     nums_rays = (sum(at_step) for at_step in zip_longest(*(each.num_rays for each in found), fillvalue=0))

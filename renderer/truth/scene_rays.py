@@ -1,4 +1,4 @@
-"""Compute the exact rays of a scene: what its mode shows of the continuous field."""
+"""Compute the exact colours of rays through a scene, in its mode: light, or another number of a ray."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from renderer.truth.optics import TrueLayer, for_macrocells, largest_magnitude_s
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
-# Of projections by depth: of two maxima that differ by less than this share of the colour range, the nearer one counts.
+# If the extremum of a ray is coloured by its depth, a maximum replaces a nearer one only if it is larger by at least
+# this share of the colour range.
 _LEAST_RISE = 2.0**-18
 
 
 class SceneRays:
-    """A bundle of exact rays of a stage's scene, in any view, as premultiplied RGBA.
+    """The exact rays of a stage's scene: they compute the premultiplied RGBA of rays in any view.
 
-    Layers that are projected are projected each by itself, and add up, times their weights.
+    If the scene's mode shows a number of a ray in place of light, each layer is computed by itself, and the colours of
+    layers times their weights are added.
     """
 
     def __init__(self, stage: Stage, *, num_threads: int = 2) -> None:
@@ -41,15 +43,16 @@ class SceneRays:
         self._integrators = [RayIntegrator(bundle, adds=self._adds, num_threads=num_threads) for bundle in bundles]
 
     def integrate(self, view: View, places: Float64, step_voxels: float) -> Float64:
-        """Return the colours of rays, float64 [n, 4], at one step; parameters as in `RayIntegrator.integrate`."""
+        """Return the colours of rays, float64 [n, 4], with one step; parameters as in `RayIntegrator.integrate`."""
         if self._searches:
             return self._sum([search.gather(view, places) for search in self._searches], view, places)
         return self._sum([each.integrate(view, places, [step_voxels])[0] for each in self._integrators], view, places)
 
     def integrate_by_interval(self, view: View, places: Float64, step_voxels: float) -> tuple[Float64, Float64]:
-        """Return what `integrate` does, and the `visible` part of each interval of the layers' transfer functions.
+        """Return the colours of rays as `integrate`, and the opacity that each interval of scalars adds to each ray.
 
-        visible: float64 [n, intervals], as of `RayIntegrator.integrate`; [n, 0] of projections, which have no opacity.
+        The opacities are float64 [n, intervals], as `RayIntegrator.integrate` returns them with `by_interval`; [n, 0]
+        in modes that show a number of a ray in place of light, which have no opacity.
         """
         if self._layers:
             return self.integrate(view, places, step_voxels), np.empty((len(places), 0))
@@ -59,7 +62,10 @@ class SceneRays:
     def converge(
         self, view: View, places: Float64, tolerance: float, on_progress: Progress = ignore
     ) -> tuple[Float64, Convergence]:
-        """Return the colours of rays, float64 [n, 4], as `RayIntegrator.converge`; extremes need no steps."""
+        """Return the converged colours of rays, float64 [n, 4], as `RayIntegrator.converge`.
+
+        The most extreme scalar of a ray is found exactly, without steps: its convergence has one entry, with change 0.
+        """
         if self._searches:
             gathered = [search.gather(view, places, on_progress) for search in self._searches]
             return self._sum(gathered, view, places), Convergence((1.0,), (0.0,), (len(places),))
@@ -72,7 +78,10 @@ class SceneRays:
         return self._sum([radiance for radiance, _ in found], view, places), slowest
 
     def _sum(self, gathered: Sequence[Float64], view: View, places: Float64) -> Float64:
-        """Return the colours of what rays gathered: of all layers together, or of each that is projected."""
+        """Return the colours of rays from the numbers that they gathered.
+
+        gathered: one array for all layers together; one for each layer if the mode shows a number of a ray.
+        """
         if not self._layers:
             radiance = gathered[0]
             if self._adds:
@@ -90,7 +99,7 @@ class SceneRays:
 
 
 class ExtremeSearch:
-    """A search for the most extreme scalar of rays through a layer. It remembers bounds of the parts of the volume."""
+    """A search for the most extreme scalar along rays through a layer. It remembers bounds of blocks of the volume."""
 
     def __init__(self, layer: Layer, *, num_threads: int) -> None:
         volume, projection = layer.volume, layer.projection
@@ -109,7 +118,11 @@ class ExtremeSearch:
         )
 
     def gather(self, view: View, places: Float64, on_progress: Progress = ignore) -> Float64:
-        """Return what rays through places gather, as of `Extremum`: float64 [n, 4]."""
+        """Return the numbers that rays through places gather, float64 [n, 4]: those of the mode `Extremum`.
+
+        The first is the place of the most extreme scalar in the colour range, from 0 to 1; the second says how near it
+        is, as `_nearness`; two are 0.
+        """
         found, view = np.empty((len(places), 2)), view.clipped(self._layer.spec.clip)
 
         def search(part: slice) -> None:
@@ -126,7 +139,10 @@ class ExtremeSearch:
         return gathered
 
     def _nearness(self, view: View, places: Float64, lengths: Float64) -> Float64:
-        """Return how near points along rays are: from 0 at the farthest point of the ball around the volume to 1."""
+        """Return how near points are: 0 at the farthest point of the ball around the volume, 1 at the nearest.
+
+        lengths: float64 [n], of each point along its ray.
+        """
         origins, directions, *_ = index_rays(self._volume, view, places)
         points = origins + lengths[:, None] * directions - self._volume.centre_index
         depths = points @ self._volume.world_from_index[:3, :3].T @ view.forward
@@ -134,9 +150,10 @@ class ExtremeSearch:
 
 
 def chord_lengths(volume: Volume, view: View, places: Float64) -> Float64:
-    """Return the world length of rays inside what is left of the volume's box, float64 [n]; 0 where they miss it.
+    """Return the world length of rays inside the part of the volume's box that clipping leaves: float64 [n].
 
-    Of a volume with voxels without data, it is the length inside of the others: an optical depth.
+    It is 0 for a ray that misses the box. In a volume with voxels without data, only the length inside of voxels with
+    data counts: it is computed as an optical depth.
     """
     if volume.num_absent:
         per_length = 1.0 / (2.0 * volume.half_diagonal)

@@ -1,11 +1,11 @@
-"""Draw several rays in the pixels of a picture that one ray cannot tell, and take their mean.
+"""Draw several rays in the pixels of a picture whose colour one ray cannot tell, and take the mean of the rays.
 
     one ray a pixel; where cells are smaller than a pixel, one more ray somewhere in every other pixel
     -> pixels that differ from a neighbour: 4 rays; neighbours that differ then: 4 rays, and so on
-    -> pixels whose 4 rays differ, or that differ from their other ray: 16 rays
+    -> pixels whose 4 rays differ, or whose additional ray differs from the first one: 16 rays
     -> neighbours of pixels on a thin line: 16 rays, and so on
 
-The picture decides, and not the threads or the memory: it is the same bytes for any number of them.
+The colours of the picture alone decide which pixels get more rays: it is the same bytes for any number of threads.
 """
 
 from __future__ import annotations
@@ -20,26 +20,29 @@ from renderer.volume import Bools, Float32, Int64, UInt8
 
 
 class DrawRays(Protocol):
-    """Draws rays in pixels."""
+    """A function that draws rays in pixels."""
 
     def __call__(self, pixels: Int64, across: int, *, is_scattered: bool = False) -> Float32:
         """Return the colours of rays, float32 [n * across^2, 4], pixel by pixel.
 
-        pixels: int64 [n], ascending numbers, row by row. across, is_scattered: as of `ray_positions`.
+        pixels: int64 [n], ascending numbers, row by row. across, is_scattered: as in `ray_positions`.
         """
 
 
-# Pixels whose rays are in memory at once: 16 rays of each take 16 MiB.
+# The most pixels whose rays are in memory at once: 16 rays of each take 16 MiB.
 _PIXELS_AT_ONCE = 1 << 16
-# Marks of pixels: those that have 4 rays, or are to get them, and those that have 16 rays, or are to get them.
+# The mark of a pixel that has its 4 rays.
 _HAS_FEW = 1
+# The mark of a pixel that is to get 4 rays.
 _MARKED_FOR_FEW = 2
+# The mark of a pixel that has its 16 rays.
 _HAS_MANY = 3
+# The mark of a pixel that is to get 16 rays.
 _MARKED_FOR_MANY = 4
 
 
 def antialias(image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, threads: ThreadPool) -> None:
-    """Replace the pixels of a picture, float32 [h, w, 4], that need several rays by the mean of their rays."""
+    """Replace each pixel that needs several rays by their mean. image: float32 [h, w, 4], changed in place."""
     few, many = RAYS_ACROSS
     marks = np.zeros(image.shape[:2], np.uint8)
     mark = kernels().mark_contrasts.partial(image=image, threshold=sampling.contrast_threshold, marks=marks)
@@ -57,7 +60,7 @@ def antialias(image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, thr
 
 
 def _scout(image: Float32, threshold: float, marks: UInt8, draw_rays: DrawRays) -> None:
-    """Mark pixels that look even, but differ from one more ray somewhere in them; every other pixel has one."""
+    """Draw one more ray somewhere in every other pixel without a mark, and mark the pixels whose two rays differ."""
     height, width = image.shape[:2]
     rows_at_once = max(1, _PIXELS_AT_ONCE // width)
     for first in range(0, height, rows_at_once):
@@ -71,7 +74,7 @@ def _scout(image: Float32, threshold: float, marks: UInt8, draw_rays: DrawRays) 
 
 
 def _draw_means(image: Float32, pixels: Int64, across: int, threshold: float, draw_rays: DrawRays) -> Bools:
-    """Put means of rays into pixels, and return which of these have rays that differ by more than a threshold."""
+    """Set pixels to the means of their rays; return whether the rays of each differ by more than a threshold."""
     differ = np.zeros(len(pixels), np.bool_)
     for first in range(0, len(pixels), _PIXELS_AT_ONCE):
         part = slice(first, first + _PIXELS_AT_ONCE)

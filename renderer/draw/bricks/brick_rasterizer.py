@@ -3,8 +3,9 @@
     pixel grid -> its tiles, with the bricks over each -> bricks front to back, on several threads
     -> the next, finer grid, where neighbouring pixels differ
 
-The bricks of layers on one grid of voxels are drawn as one. Others are mixed, in slabs of depth, or added where nothing
-is absorbed. The picture is the same bytes on every machine, and for any number of threads.
+Layers on one grid of voxels are drawn together, as one set of bricks. Layers on different grids are mixed in slabs of
+depth, or their light is added if the scene's light only adds up. The picture is the same bytes on every machine, and
+for any number of threads.
 """
 
 from __future__ import annotations
@@ -33,23 +34,24 @@ from renderer.system import MemoryShare
 from renderer.view import View
 from renderer.volume import Float32, Float64, Int64, UInt32
 
-# Each task draws neighbouring tiles, which have bricks in common.
+# The tasks that a band is divided into, for each thread. A task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
-# Of rays through what absorbs nothing; infinite is what is found where no ray is.
+# The alpha at which rays end if light only adds up: no ray reaches it. It is finite, because kernels mark places
+# without a ray by an infinite alpha.
 _NO_END = float(np.finfo(np.float32).max)
-# Bytes of each atlas, as of `needed_bytes`, by the identities of layers.
+# Bytes of each atlas, in the order of `needed_bytes`, by the `id` of the BrickLayers whose bricks they hold.
 Shares = dict[int, list[int]]
 
 
 class BrickRasterizer(Rasterizer):
-    """A rasteriser of bricks. Use as a context manager, or call `release`."""
+    """A rasteriser of bricks. Use it as a context manager, or call `release`."""
 
     device = "the processor"
 
     def __init__(self, *, num_threads: int = 2, memory: MemoryShare | None = None) -> None:
         self.threads = ThreadPool(num_threads)
         self._memory = memory or MemoryShare()
-        self.caches: dict[int, BrickCache] = {}  # by the identities of layers, which they hold
+        self.caches: dict[int, BrickCache] = {}  # by the `id` of the BrickLayers whose bricks they hold
 
     def release(self) -> None:
         """Free the bricks, and end the threads."""
@@ -73,9 +75,9 @@ class BrickRasterizer(Rasterizer):
     ) -> Float32:
         """Composite `batch[order]` of all batches, each front to back, over nothing.
 
-        colors: of rays that have gathered something else than light.
-        Returns float32 [height, width, 4], premultiplied RGBA. Where nothing is absorbed, alpha is what absorption
-        would give, or the brightest channel if that is more, at most 1.
+        colors: the function that colours rays which gather something other than light; None for rays of light.
+        Returns float32 [height, width, 4], premultiplied RGBA. If light only adds up, alpha is the value that it would
+        have with absorption, or the brightest channel if that is more, at most 1.
         """
         caches = self._caches_of(batches)
         views = [
@@ -116,7 +118,7 @@ class BrickRasterizer(Rasterizer):
         *,
         is_scattered: bool = False,
     ) -> Float32:
-        """Draw several rays in pixels, as of `DrawRays`."""
+        """Draw several rays in pixels; the function DrawRays, after the first three parameters."""
         width, first_row = view.size[0], int(pixels[0]) // view.size[0]
         num_rows = int(pixels[-1]) // width + 1 - first_row
         places = np.full((num_rows, width), -1, np.int32)
@@ -126,7 +128,7 @@ class BrickRasterizer(Rasterizer):
         return finish(rays, ray_positions(pixels, width, across, is_scattered=is_scattered))
 
     def _caches_of(self, batches: Sequence[BrickBatch]) -> list[BrickCache]:
-        """Return the caches of the layers of batches, which share the memory, and free those of all other layers."""
+        """Return the caches of the layers of batches, which share the memory, and free the caches of other layers."""
         shown = {id(batch.bricks): batch for batch in batches}
         for number in [number for number in self.caches if number not in shown]:  # of another frame or film
             self.caches.pop(number).release()
@@ -143,8 +145,11 @@ class BrickRasterizer(Rasterizer):
         return [self.caches[id(batch.bricks)] for batch in batches]
 
     def _fit(self, drawn: Shares, shares: Shares, limit: int) -> bool:
-        """Return whether caches can stay: with new ones they take no more than the limit, and none has less than half
-        of the room that it could have for what is drawn."""
+        """Return whether the caches can stay, and new ones be added for other layers.
+
+        All together must take at most `limit`. In none may an atlas have less than half of the bytes that it could have
+        for the bricks that are drawn.
+        """
         taken = [self.caches[number].num_bytes if number in self.caches else own for number, own in shares.items()]
         return sum(map(sum, taken)) <= limit and not any(
             2 * has < min(of_atlas, could_have)
@@ -153,7 +158,7 @@ class BrickRasterizer(Rasterizer):
         )
 
     def _draw_parts(self, parts: Sequence[_Part], grid_of_rays: RayGrid) -> None:
-        """Draw parts of a picture, one under the other, each in bands of tiles whose bricks have slots at once."""
+        """Draw parts of a picture over the same rays, one after another, each in bands whose bricks have slots."""
         for part in parts:
             grid = make_grid(part.rectangles_px, grid_of_rays, is_mixture=len(part.views) > 1)
             bands, first_use = plan_bands(grid.starts, grid.numbers, len(part.members), part.have_slots)
@@ -166,7 +171,7 @@ class BrickRasterizer(Rasterizer):
 
 
 def _finest(samplings: Sequence[ScreenSampling]) -> ScreenSampling:
-    """Return a sampling that is as fine as all of some."""
+    """Return a sampling whose every setting is at least as fine as that of each of some samplings."""
     finest = min(samplings, key=lambda each: (each.strides, each.difference_threshold))
     return replace(
         finest,
@@ -182,14 +187,20 @@ def _same_colors(rays: Float32, _positions_px: Float64 | None) -> Float32:
 
 
 def _additive_colors(rays: Float32, _positions_px: Float64 | None) -> Float32:
-    """Set the alpha of rays in which light adds up: that of absorption, or the brightest channel if that is more."""
+    """Set the alpha of rays whose light only adds up: 1 - exp(-optical depth), or the brightest channel if it is more.
+
+    rays: float32 [..., 4], light and optical depth, changed in place.
+    """
     brightest = np.minimum(rays[..., :3].max(axis=-1), np.float32(1))
     rays[..., 3] = np.maximum(-np.expm1(-rays[..., 3]), brightest)
     return rays
 
 
 def share_memory(drawn: Shares, needed: Shares, limit: int) -> Shares:
-    """Share memory among the atlases of some caches: first for bricks of this picture, then for all visible ones."""
+    """Share memory among the atlases of caches: first for the bricks of this picture, then for all visible bricks.
+
+    drawn, needed: the bytes for the bricks of this picture, and for all visible bricks. limit: the bytes to share.
+    """
     of_drawn = share_out([each for own in drawn.values() for each in own], limit)
     of_all = [each for own in needed.values() for each in own]
     missing = [max(0, each - has) for each, has in zip(of_all, of_drawn, strict=True)]
@@ -198,7 +209,7 @@ def share_memory(drawn: Shares, needed: Shares, limit: int) -> Shares:
 
 
 def share_out(needs: Sequence[int], total: int) -> list[int]:
-    """Share a total among some needs: no share exceeds its need, and shares below their needs are equal."""
+    """Share a total among some needs. No share exceeds its need, and all shares that fall short are equal."""
     shares, left = [0] * len(needs), total
     for num_before, number in enumerate(sorted(range(len(needs)), key=needs.__getitem__)):
         shares[number] = min(needs[number], left // (len(needs) - num_before))
@@ -217,10 +228,11 @@ class _DrawTiles(Protocol):
 
 
 class _Part(NamedTuple):
-    """A part of a picture that one kernel draws: the bricks of one view, or of several that are mixed.
+    """A part of a picture that one kernel draws: the bricks of one view, or of several views that are mixed.
 
-    members, rectangles_px: as in Mixture. make_kernel: returns what draws tiles, from the grid and from where texels
-        begin, of each view, as `BrickCache.upload_bricks` returns it.
+    members, rectangles_px: as in Mixture.
+    make_kernel: returns the function that draws tiles, from the grid and, for each view, the positions of texels that
+        `BrickCache.upload_bricks` returns.
     """
 
     caches: Sequence[BrickCache]
@@ -230,26 +242,29 @@ class _Part(NamedTuple):
     make_kernel: Callable[[Grid, Sequence[Int64]], _DrawTiles]
 
     def have_slots(self, members: Int64, times: int) -> bool:
-        """Return whether `times` as many bricks as these have slots at once."""
+        """Return whether there are slots for `times` as many bricks as `members` has. members: numbers of bricks."""
         of_views = zip(self.caches, self.views, self._by_view(members), strict=True)
         return all(cache.have_slots(view, self.members[each, 1], times) for cache, view, each in of_views)
 
     def plan(self, first_use: Int64) -> None:
-        """Note which band meets each brick first, or -1: int64 [members]."""
+        """Note which band of the next picture meets each brick first. first_use: int64 [members]; -1 for none."""
         for k, (cache, view) in enumerate(zip(self.caches, self.views, strict=True)):
             of_view, by_number = self.members[:, 0] == k, np.full(len(view.order), -1, np.int64)
             by_number[self.members[of_view, 1]] = first_use[of_view]
             cache.plan(view, by_number)
 
     def upload(self, members: Int64, next_use: Int64) -> list[Int64]:
-        """Upload these bricks, and return where their texels begin, of each view. next_use: as in Band."""
+        """Upload bricks, and return where their texels begin, as `BrickCache.upload_bricks`, for each view.
+
+        members: int64 [n], numbers of bricks of this part. next_use: as in Band.
+        """
         by_member = np.full(len(self.members), -1, np.int64)
         by_member[members] = next_use
         parts = zip(self.caches, self.views, self._by_view(members), strict=True)
         return [cache.upload_bricks(view, self.members[each, 1], by_member[each]) for cache, view, each in parts]
 
     def _by_view(self, members: Int64) -> list[Int64]:
-        """Return which of these bricks are of each view, by ascending numbers in it."""
+        """Divide bricks by their views; the bricks of a view are sorted by their numbers in it."""
         found = [members[self.members[members, 0] == k] for k in range(len(self.views))]
         return [each[np.argsort(self.members[each, 1])] for each in found]
 
@@ -289,7 +304,8 @@ def _mixed_part(caches: Sequence[BrickCache], views: Sequence[BrickView], termin
 def _layer_bricks(cache: BrickCache, brick_view: BrickView, offsets: Int64, rays: RaySetup, unit: float) -> LayerBricks:
     """Return the bricks of a view as kernels take them.
 
-    offsets: as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model unit.
+    offsets: positions of texels, as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model
+    unit.
     """
     layers = brick_view.batch.bricks.layers
     fields = [

@@ -1,4 +1,4 @@
-"""Divide grids of rays into tiles, and find the bricks over each; kernels draw into them."""
+"""Divide grids of rays into tiles, and find the bricks over each tile; kernels draw these bricks into the rays."""
 
 from __future__ import annotations
 
@@ -9,22 +9,26 @@ import numpy as np
 from renderer.kernels import Grid, kernels
 from renderer.volume import Float32, Float64, Int32
 
-# Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
-# of tiles of 64 do not fit into the cache.
-TILE_SIDE, SMALL_TILE_SIDE = 32, 16
+# Rays along the sides of a tile of a picture with a ray for every pixel. With 16, bricks are set up for more tiles, and
+# with 64 the rays of a tile do not fit into the cache.
+TILE_SIDE = 32
 
-# Pixels that are so near to a rectangle's edge count as inside: rounding may have moved the edge.
+# Rays along the sides of a tile of a subsampled grid or of a mixture of volumes.
+SMALL_TILE_SIDE = 16
+
+# Rays at most this far outside of a brick's rectangle, in pixels, count as inside: rounding may have moved its edges.
 _EDGE_ROUNDING_PX = 2e-3
 
 
 class RayGrid(NamedTuple):
-    """A grid of pixels, with one ray or several in each, of a picture or of some rows of it.
+    """A grid of pixels, with one ray or several in each, of a picture or of some rows of a picture.
 
-    rays: float32 [n, 4], what rays have gathered. shape: rows and columns of pixels.
-    places: int32 [rows, columns], of the first ray of each pixel in `rays`, or -1 where none is drawn; None where each
-        pixel has one ray.
-    stride: the pixels of the grid are every `stride`-th pixel of the picture along both axes, from its first.
-    rays_across: of a pixel, along rows and columns. is_scattered: as in Grid. first_row: of the pixels of the grid.
+    rays: float32 [n, 4], the colours, or other amounts, that rays have gathered. shape: rows and columns of pixels.
+    places: int32 [rows, columns], the index in `rays` of each pixel's first ray, or -1 where none is drawn; None where
+        each pixel has one ray.
+    stride: the pixels of the grid are every `stride`-th pixel of the picture along both axes, from its first pixel.
+    rays_across: the rays along each side of a pixel. is_scattered: as in the record Grid of kernels.
+    first_row: the row of the picture in which the grid begins.
     """
 
     rays: Float32
@@ -37,17 +41,17 @@ class RayGrid(NamedTuple):
 
 
 def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False) -> Grid:
-    """Return a grid of rays into which bricks are drawn, in tiles.
+    """Return the record Grid of kernels: a grid of rays in tiles, with the bricks over each tile.
 
-    rectangles_px: float64 [n, 4], left, top, right and bottom of each brick.
+    rectangles_px: float64 [n, 4], left, top, right and bottom of each brick in the picture.
     """
     across = grid.rays_across
     side = TILE_SIDE if grid.stride == 1 and not is_mixture else SMALL_TILE_SIDE
     side -= side % across
     shape = grid.shape[1] * across, grid.shape[0] * across
-    # From one ray to the next, and of the first one, in pixels.
-    step, first = grid.stride / across, np.array([0.5 / across, 0.5 / across + grid.first_row])
-    # Rays are off their rows and columns by up to this, in pixels.
+    step = grid.stride / across  # from one ray to the next, in pixels
+    first = np.array([0.5 / across, 0.5 / across + grid.first_row])  # x and y of the first ray, in pixels
+    # Rays are displaced from a regular lattice by up to this distance along each axis, in pixels.
     shear = 0.5 if grid.is_scattered else (0.5 - 0.5 / across) / across
     low = np.ceil((rectangles_px[:, :2] - first - shear - _EDGE_ROUNDING_PX) / step)
     high = np.floor((rectangles_px[:, 2:] - first + shear + _EDGE_ROUNDING_PX) / step) + 1

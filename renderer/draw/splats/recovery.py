@@ -1,4 +1,4 @@
-"""Continue after a GL context is lost: make a new context, and draw the image again."""
+"""Continue after an OpenGL context is lost: make a new context, and draw the image again."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class RecoveringRasterizer(Rasterizer):
     """A rasteriser of splats that makes another one when its context is lost; used like a SplatRasterizer.
 
     An image whose context was lost is drawn again, to the same bytes, because no image depends on earlier ones.
-    Raises ContextLostError if the new context is lost, too, and if a new context cannot be made, or only on another
-    device or driver, which would draw other bytes. Without a new context, every later image raises this error.
+    `rasterize` raises ContextLostError if the new context is lost, too; or if no new context can be made on the same
+    device and driver, because others would draw other bytes: then it raises the error for every later image as well.
     make: a function that returns a new rasteriser.
     """
 

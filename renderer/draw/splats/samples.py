@@ -1,6 +1,7 @@
-"""Divide the lattice of samples of a picture into tiles, and average the samples of each pixel.
+"""Divide the samples of a picture into tiles, and average the samples of each pixel.
 
-Tiles bound the memory of a picture, and let devices draw lattices beyond their largest texture.
+The samples form a lattice: a regular grid with one or several samples in each pixel. Tiles bound the memory that a
+picture takes, and let a device draw a lattice that is larger than its largest texture.
 """
 
 from __future__ import annotations
@@ -14,15 +15,18 @@ import numpy as np
 from renderer.view import Region
 from renderer.volume import Float32
 
-# The largest side of a tile, in samples: a tile takes 256 MiB on the device, and as much in memory. Each tile projects
-# all splats again, so that fewer tiles are faster.
+# The largest side of a tile, in samples: such a tile takes 256 MiB on the device, and as much in memory. All splats are
+# projected again for each tile, so that fewer tiles are faster.
 LARGEST_TILE = 4096
-# The least side of a tile, in samples. A device without room for it has no room for any picture.
+# The least side of a tile, in samples. If a device has no room for such a tile, drawing fails.
 SMALLEST_TILE = 256
 
 
 class Tile(NamedTuple):
-    """A tile of a lattice of samples: its first column and row, and its part that is drawn, counted from these."""
+    """A tile of a lattice of samples.
+
+    left, top: its first column and row in the lattice. part: the region of it that is drawn, counted from these.
+    """
 
     left: int
     top: int
@@ -41,16 +45,17 @@ def tiles_over(region: Region, size: tuple[int, int]) -> Iterator[Tile]:
 
 
 def whole_pixels(region: Region, across: int) -> Region:
-    """Return a region of a lattice, enlarged to whole pixels. across: the number of samples along a pixel's side."""
+    """Return a region of a lattice of samples, enlarged to whole pixels. across: the samples along a pixel's side."""
     left, top = region.left // across * across, region.top // across * across
     right, bottom = -(-(region.left + region.width) // across), -(-(region.top + region.height) // across)
     return Region(left, top, right * across - left, bottom * across - top)
 
 
 def average_samples(samples: Float32, across: int) -> Float32:
-    """Return the mean of each pixel's samples as they are displayed: float32 [h, w, 4]. Light may exceed 1 before.
+    """Return the mean of each pixel's samples: float32 [h, w, 4].
 
-    samples: float32 [h * across, w * across, 4], premultiplied RGBA. A single sample is returned as it is.
+    samples: float32 [h * across, w * across, 4], premultiplied RGBA. They are limited to 1 first, as a display limits
+    them; with one sample for each pixel, they are returned unchanged.
     """
     if across == 1:
         return samples

@@ -1,14 +1,15 @@
-"""Rasterise splats with OpenGL, which no other footprint needs.
+"""Rasterise splats with OpenGL; bricks need no OpenGL.
 
-The context is headless EGL (any GPU's driver, or Mesa's llvmpipe), the target float32 RGBA. Splats are sorted back to
-front and uploaded in batches of bounded size, so that neither their number nor the driver's limits on buffers matter:
+The context is made by EGL without a display (any GPU's driver, or Mesa's llvmpipe), and the target is float32 RGBA.
+Splats are sorted back to front and uploaded in batches of bounded size, so that neither their number nor the driver's
+limits on buffers matter:
 
     batch of splats -> vertex buffer -> points, quads (larger than the driver's points) or triangle fans
                     -> fragment alpha -> blended "over", premultiplied, in float32 -> read back once a tile
                     -> the mean of a pixel's samples
 
-Splats are drawn on a lattice of samples, one or several in each pixel. Large lattices are drawn tile by tile. Rows are
-drawn upside down, so that the image that is read back has row 0 at the top.
+Splats are drawn on a lattice of samples: a regular grid, with one or several samples in each pixel. Large lattices are
+drawn tile by tile. Rows are drawn upside down, so that the image that is read back has row 0 at the top.
 """
 
 from __future__ import annotations
@@ -49,8 +50,10 @@ from renderer.view import (
 )
 from renderer.volume import Array, Float32, Float64, Int64, UInt32
 
-DrawSplats = Callable[[UInt32], None]  # draws these splats of a batch, back to front
-DrawInTile = Callable[[Tile, UInt32], None]  # draws these splats of a batch into a tile
+# A function that draws splats of a batch, given by their numbers, back to front.
+DrawSplats = Callable[[UInt32], None]
+# A function that draws splats of a batch, given by their numbers, into a tile, back to front.
+DrawInTile = Callable[[Tile, UInt32], None]
 
 # The most splats that are on the device at a time: 8 MiB of vertices.
 BATCH_SIZE = 1 << 18
@@ -60,15 +63,16 @@ VERTEX_BYTES = SPLAT_VERTEX.itemsize
 # The most EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
 
+# The packages of Debian and Ubuntu that provide EGL and Mesa's software renderer.
 EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
 
 class SplatRasterizer(Rasterizer):
-    """A rasteriser of splats: a GL context with its programs, for any number of frames of any size.
+    """A rasteriser of splats: an OpenGL context with its programs, for any number of frames of any size.
 
-    Use it as a context manager, or call `release`. Raises RenderError if no context can be made, or if the device has
-    no room for a tile of a picture, and ContextLostError if the context is lost while it draws; the rasteriser cannot
-    be used any more then, and RecoveringRasterizer makes another one.
+    Use it as a context manager, or call `release`. Making it raises RenderError if there is no context. Drawing raises
+    RenderError if the device has no room for a tile of a picture, and ContextLostError if the context is lost; the
+    rasteriser cannot be used any more then, and RecoveringRasterizer makes another one.
     """
 
     def __init__(self) -> None:
@@ -106,10 +110,10 @@ class SplatRasterizer(Rasterizer):
     def _drawing(self) -> Iterator[None]:
         """Make the context current, and raise ContextLostError if drawing in it fails.
 
-        GL raises no error if the device is reset or runs out of memory: it goes on, and images are wrong.
+        OpenGL itself raises no error if the device is reset or runs out of memory: it goes on, and images are wrong.
         """
         try:
-            with self._context:  # another context may have become current since
+            with self._context:  # makes it current: another context may have become current since the last picture
                 try:
                     yield
                     self._context.gc()
@@ -140,7 +144,7 @@ class SplatRasterizer(Rasterizer):
         return image
 
     def _prepare_splats(self, batch: SplatBatch, camera: ModelView, tile_size: tuple[int, int]) -> DrawInTile:
-        """Upload shapes and uniforms of a batch, and return the function that draws some of its splats with them."""
+        """Upload the shapes and uniforms of a batch, and return the function that draws some of its splats."""
         footprint = batch.footprint
         self._shape_buffer.write(_shape_block(batch, camera))
         self._shape_buffer.bind_to_uniform_block(0)
@@ -214,11 +218,11 @@ class SplatRasterizer(Rasterizer):
         fans.render(moderngl.TRIANGLES, instances=len(order))
 
     def _buffer(self, data: Array) -> Any:
-        """Return a buffer. GL has no empty buffers, so a buffer without data has four bytes."""
+        """Return an OpenGL buffer with data. OpenGL has no empty buffers, so a buffer without data has four bytes."""
         return self._context.buffer(data if data.size else bytes(4))
 
     def _program(self, footprint: str) -> Any:
-        """Return the program of a footprint, which is compiled at its first use."""
+        """Return the shader program of a footprint, which is compiled at its first use."""
         if footprint not in self._programs:
             self._programs[footprint] = self._context.program(
                 vertex_shader=load_shader("project.glsl", "opacity.glsl", f"{footprint}_vertex.glsl"),
@@ -229,8 +233,9 @@ class SplatRasterizer(Rasterizer):
     def _target_for(self, size: tuple[int, int], across: int) -> Any:
         """Return a float32 RGBA framebuffer for a lattice of samples, or for its tiles, reused while its size stays.
 
-        Tiles become smaller where the device has no room for them. Raises RenderError if it has none for the smallest;
-        a lost context refuses a single pixel, too.
+        size: of the lattice. across: the samples along a pixel's side. Tiles become smaller if the device has no room
+        for them. Raises RenderError if it has no room for the smallest; moderngl.Error if it refuses even a single
+        pixel, as a lost context does.
         """
         while True:
             side = max(1, self._tile_side // across) * across
@@ -250,7 +255,7 @@ class SplatRasterizer(Rasterizer):
                         hint="end other programs that use the device",
                     ) from error
                 self._tile_side = max(tile_size) // 2
-                _ = self._context.error  # that of the refusal does not count for the picture
+                _ = self._context.error  # clears the error of the refused framebuffer, which is no error of the picture
 
     def _make_target(self, size: tuple[int, int]) -> Any:
         return self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
@@ -283,12 +288,12 @@ def _create_context() -> Any:
 
 @functools.cache
 def _first_process() -> int:
-    """Return the process that used OpenGL first. In its forks the driver's threads are missing, and calls hang."""
+    """Return the id of the process that first used OpenGL. Forks of it lack the driver's threads, and calls hang."""
     return os.getpid()
 
 
 def _set_camera(program: Any, camera: ModelView) -> None:
-    """Set the uniforms of the programs of splats."""
+    """Set the uniforms that describe the camera, which all programs of splats have."""
     to_depth = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model
     program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL stores matrices column by column
     program["view_translation"] = tuple(to_depth[:, 3])
@@ -298,14 +303,17 @@ def _set_camera(program: Any, camera: ModelView) -> None:
 
 
 def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:
-    """Return the uniform block of shapes: right, up and depth rows of each shape's axes, padded to four floats."""
+    """Return the uniform block of shapes: the right, up and depth rows of each shape's axes, padded to four floats."""
     rows = np.zeros((MAX_SHAPES, 3, 4), np.float32)
     rows[: len(batch.axes), :, :3] = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model[:, :3] @ batch.axes
     return rows.tobytes()
 
 
 def _size_bound_px(batch: SplatBatch, vertices: Float32, camera: ModelView) -> Float64:
-    """Bound the side of each footprint's square, float64 [n]; infinite where the near plane may cut the splat."""
+    """Return an upper bound of the side of each footprint's square, float64 [n], in samples.
+
+    It is infinite if the near plane may cut the splat.
+    """
     sigma = longest_sigma(batch)[vertices[:, 7].astype(np.int64)]
     if not camera.perspective:
         sigma_px = sigma * camera.scale_px

@@ -4,7 +4,7 @@ uniform float cutoff;
 uniform float decay;
 uniform vec3 coefficients;
 uniform float rim;
-uniform vec2 corner_px;          // as in project.glsl
+uniform vec2 corner_px;          // first column and row of the tile
 
 flat in vec2 splat_px;
 flat in vec3 splat_inverse;

@@ -1,7 +1,7 @@
-// One point, or one quad of two triangles where the splat is larger than the driver's points, around each footprint.
+// Place one point around each footprint, or one quad of two triangles if the splat is larger than the driver's points.
 
 uniform bool quads;
-uniform float cutoff;            // standard deviations
+uniform float cutoff;            // radius of the footprint, in standard deviations
 
 flat out vec2 splat_px;
 flat out vec3 splat_inverse;     // xx, yx, yy of the lower triangular matrix from pixels to standard deviations

@@ -1,6 +1,7 @@
-// A vertex of the Gouraud footprint: its opacity is computed here and interpolated over the triangles (Laur 1991).
+// Compute the opacity of a vertex of the Gouraud footprint; OpenGL interpolates it over the triangles (Laur and Hanrahan
+// 1991).
 
-in vec2 mesh_vertex;             // standard deviations
+in vec2 mesh_vertex;             // position in the footprint, in standard deviations
 in float mesh_weight;
 
 out vec4 vertex_color;           // premultiplied
