@@ -1,10 +1,10 @@
-"""Estimate a mean squared error, and an interval that holds it, from samples whose mean it is expected to be.
+"""Estimate a mean squared error, and an interval that holds it, from samples with this error as their expectation.
 
-A sample is a squared difference without the variance of the rays that it is from: it may be below 0, and so may their
-mean, where the error is small. Few pixels have most of the error, and a few probes may miss them: the upper end of the
-interval therefore takes one more sample, several times as large as the largest one. The error is at least 0, and so is
-the lower end: where it is 0, all that is known of the error is how large it is at most.
-docs/benchmarks/probes.md says how often intervals hold.
+A sample is the squared difference of a pixel from the mean of its exact rays, less the variance of this mean: so a
+sample, and the mean of samples, may be below 0 if the error is small. Few pixels have most of the error, and a few
+probes may miss them: the upper end of the interval is therefore computed with one more sample, several times as large
+as the largest one. The lower end is at least 0; if it is 0, only an upper bound of the error is known.
+docs/benchmarks/probes.md says how often intervals hold the error.
 """
 
 from __future__ import annotations
@@ -17,21 +17,25 @@ import numpy as np
 
 from renderer.volume import Float64
 
-# The sample that may have been missed, by the largest magnitude of one: this many times, and the second divided by the
-# number of samples more. With 2 alone intervals of 16 probes hold in 66 to 97 % of cases, with 10 alone those of a film
-# are twice as wide as they need to be.
-_UNSEEN, _UNSEEN_OF_FEW = 2.0, 128.0
-# That sample at the least: an error of half a level of 8 bits.
+# The size of the additional sample, which stands for pixels that samples may have missed, as a multiple of the largest
+# sample. With 2 alone, without _UNSEEN_OF_FEW, intervals of 16 probes hold the error in 66 to 97 % of cases; with 10
+# alone, intervals of a film are twice as wide as they need to be.
+_UNSEEN = 2.0
+# This number, divided by the number of samples, is added to the multiple _UNSEEN: few samples miss more.
+_UNSEEN_OF_FEW = 128.0
+# The additional sample is at least this large: the squared error of half a level of 8 bits.
 _LEAST_UNSEEN = (0.5 / 255) ** 2
-# Of the normal distribution, for 95 %.
+# 95 % of a normal distribution are within this many standard deviations of its mean.
 DEVIATIONS = 1.96
 
 
 @dataclass(frozen=True)
 class ErrorSamples:
-    """Samples of the squared error of a picture, or of several.
+    """A summary of samples of the squared error of a picture, or of several pictures.
 
-    mean: the estimate of the mean squared error, below 0 by chance. variance: of the samples, within each picture.
+    num: the number of samples.
+    mean: the mean of the samples, which estimates the mean squared error and may be below 0 by chance.
+    variance: the variance of the samples within each picture.
     largest: the largest magnitude of a sample.
     """
 
@@ -47,15 +51,15 @@ class ErrorSamples:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Return the mean squared errors between which the true one lies in 95 % of cases, or more."""
+        """Return two mean squared errors, between which the true error lies in 95 % of cases or more."""
         missed = replace(self, mean=max(self.mean, 0.0)).with_missed(self.largest)
         low = self.mean - DEVIATIONS * self.deviation
         return max(low, 0.0), missed.mean + DEVIATIONS * missed.deviation
 
     def with_missed(self, largest: float) -> ErrorSamples:
-        """Return these samples, as many as before, with the one that they may have missed.
+        """Return the summary with the additional sample, for an error that was missed; `num` stays the same.
 
-        largest: the largest sample that is known, below 0 for one that takes away from the mean.
+        largest: the largest known sample, of which the additional one is a multiple; below 0 to lower the mean.
         """
         unseen = (_UNSEEN + _UNSEEN_OF_FEW / self.num) * largest
         unseen = math.copysign(max(abs(unseen), _LEAST_UNSEEN), unseen)
@@ -65,13 +69,13 @@ class ErrorSamples:
 
 
 def error_samples(values: Float64) -> ErrorSamples:
-    """Return what is known from samples of one picture, float64 [n]."""
+    """Return the summary of the samples of one picture, float64 [n]."""
     variance = values.var(ddof=min(1, values.size - 1))
     return ErrorSamples(values.size, float(values.mean()), float(variance), float(np.abs(values).max()))
 
 
 def pool_samples(pictures: Sequence[ErrorSamples]) -> ErrorSamples:
-    """Return what is known of pictures together, whose mean squared errors count alike."""
+    """Return the summary of several pictures together, each of which has the same weight."""
     num = sum(each.num for each in pictures)
     variance_of_mean = sum(each.variance / each.num for each in pictures) / len(pictures) ** 2
     mean = float(np.mean([each.mean for each in pictures]))

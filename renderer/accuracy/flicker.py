@@ -1,6 +1,6 @@
 """Measure flicker: how much the error of a pixel changes from one frame to the next, in levels of 8 bits, 0 to 255.
 
-An error is a picture minus its truth, so that what moves in both does not count.
+An error is a picture minus its truth, so that motion of the object, which is in both, does not count.
 """
 
 from __future__ import annotations
@@ -15,17 +15,20 @@ import numpy as np
 from renderer.accuracy.metrics import FloatImage
 from renderer.volume import Array, Bools
 
-# Levels of a colour of 1.
+# The factor from colours in [0, 1] to levels of 8 bits.
 LEVELS = 255.0
-# Rows and columns of a block of pixels, whose mean error is an error, too: what is seen of changes from some way off.
+# The number of rows and columns of a block of pixels. The mean error of a block changes, too: it stands for the flicker
+# that is seen from some way off.
 BLOCK_PX = 8
 
 
 @dataclass(frozen=True)
 class PictureErrors:
-    """The errors of the picture of a frame. errors: with their signs, in [-1, 1], [h, w, 3].
+    """The errors of the picture of a frame.
 
-    variances: of the errors, by the rays of the truth, [h, w, 3]. on_volume: where the truth shows the volume, [h, w].
+    errors: [h, w, 3], picture minus truth, in [-1, 1].
+    variances: [h, w, 3], the variance that each error has because the truth is a mean of a few rays.
+    on_volume: bool [h, w], whether the truth shows the volume.
     """
 
     frame: int
@@ -36,11 +39,12 @@ class PictureErrors:
 
 @dataclass(frozen=True)
 class Flicker:
-    """The change of errors from one frame to the next.
+    """The change of errors from one frame to the next, in levels of 8 bits.
 
-    rms: over all pixels and channels, free of the errors of the truths on average. Other changes are those of the
-    channel that changes most, where either truth shows the volume, and have the errors of the truths. p99, largest: of
-    pixels. block_p99, block_largest: of the mean errors of blocks of pixels that show any of the volume.
+    rms: the root mean square change over all pixels and channels, less the part that the truths' own errors cause.
+    p99, largest: the 99th percentile and the maximum over the pixels in which either truth shows the volume, of the
+        change of the channel that changes most. They include the truths' own errors.
+    block_p99, block_largest: the same for the mean errors of blocks of pixels that show any of the volume.
     """
 
     rms: float
@@ -51,7 +55,7 @@ class Flicker:
 
 
 def measure_flicker(before: PictureErrors, after: PictureErrors) -> Flicker | None:
-    """Compare the errors of two frames; None unless the second comes next and one of them shows the volume."""
+    """Return the flicker between two frames; None unless they are neighbours and one of them shows the volume."""
     seen = before.on_volume | after.on_volume
     if after.frame != before.frame + 1 or not seen.any():
         return None
@@ -65,9 +69,9 @@ def measure_flicker(before: PictureErrors, after: PictureErrors) -> Flicker | No
 
 
 def pool_flickers(flickers: Sequence[Flicker]) -> Flicker | None:
-    """Return the flicker of several pairs of frames, each with equal weight; None without any.
+    """Return the flicker of several pairs of frames, each with equal weight; None without any pair.
 
-    The root mean square is from the mean of the squares, and percentiles have their mean.
+    `rms` is the root of the mean of its squares, percentiles are averaged, and of maxima the largest is taken.
     """
     if not flickers:
         return None
@@ -81,7 +85,7 @@ def pool_flickers(flickers: Sequence[Flicker]) -> Flicker | None:
 
 
 def _block_sums(values: Array) -> Array:
-    """Return the sums over blocks of pixels, [rows, columns, channels]; those at the border may be smaller."""
+    """Return the sums over blocks of pixels, [rows, columns, channels]; blocks at the border may have fewer pixels."""
     height, width, _ = values.shape
     in_rows = np.add.reduceat(values, np.arange(0, height, BLOCK_PX), axis=0)
     return np.asarray(np.add.reduceat(in_rows, np.arange(0, width, BLOCK_PX), axis=1))

@@ -3,8 +3,9 @@
 Pictures are compared over the scene's background, clipped to [0, 1], before quantisation. They are display-referred:
 perceptual metrics take them as sRGB. The packages that compute those (the extra `measure`) are imported on use.
 
-A truth is made of means over pixels, which have errors of their own. RMSE and PSNR take the variances of these from the
-squared differences, and so have none of it on average; the other metrics take the truth as it is.
+The truth has errors of its own, because its pixels are means of a few rays. RMSE and PSNR subtract the variances of
+these means from the squared differences, which removes the errors on average; the other metrics take the truth as it
+is.
 """
 
 from __future__ import annotations
@@ -26,21 +27,23 @@ from renderer.truth import PixelMeans
 from renderer.volume import Array, Bools
 
 FloatImage = npt.NDArray[np.floating]
-# What pictures are compared with: another picture, or means of pixels that know their variances.
+# A picture with which other pictures are compared: plain colours, or means over pixels with their variances.
 TruePicture = FloatImage | PixelMeans
-# Of a picture against the truth over some pixels, by the names of METRICS; NaN where a metric is undefined. The ends of
-# the interval of an estimate stand beside it, with `_low` and `_high` after the name.
+# The metrics of a picture against the truth over some pixels, by the names of METRICS; NaN for an undefined metric. An
+# estimate also has the ends of its interval, with `_low` and `_high` after the name.
 ErrorMetrics = Mapping[str, float]
 
-# FLIP's own default: a display 0.7 m wide with 3840 pixels, seen from 0.7 m.
+# The number of pixels in a degree of the field of view, for FLIP. It is FLIP's own default: a display 0.7 m wide with
+# 3840 pixels, seen from 0.7 m.
 FLIP_PIXELS_PER_DEGREE = 0.7 * 3840 / 0.7 * math.pi / 180
 # The just noticeable colour difference in CIE 1976 L*a*b* (Mahy, Van Eycken, Oosterlinck 1994).
 NOTICEABLE_DELTA_E = 2.3
-# From Wang et al. 2004; the window of scikit-image reaches 3.5 deviations to each side.
+# The standard deviation of the Gaussian window of SSIM, in pixels (Wang et al. 2004).
 _SSIM_SIGMA_PX = 1.5
+# The side of the window of SSIM, in pixels: scikit-image cuts it off after 3.5 standard deviations.
 SSIM_WINDOW_PX = 11
-# The reach of SSIM and FLIP in rows and columns. The widest of their filters is FLIP's for blue and yellow, which ends
-# after 3 deviations of sqrt(0.04 / (2 pi^2)) degrees.
+# SSIM and FLIP at a pixel depend on pixels at most this many rows and columns away. Their widest filter is FLIP's for
+# blue and yellow, which ends after 3 standard deviations of sqrt(0.04 / (2 pi^2)) degrees.
 REACH_PX = 10
 
 
@@ -48,8 +51,8 @@ REACH_PX = 10
 class Metric:
     """A number that says how much two images differ.
 
-    name: in options, files and reports. label: in words. unit: "dB", "steps" or "".
-    higher_is_better: its limit is the least value that passes, not the most.
+    name: the name in options, files and reports. label: the name in words. unit: "dB", "steps" or "".
+    higher_is_better: whether a limit of the metric is the smallest value that passes, not the largest.
     """
 
     name: str
@@ -64,7 +67,10 @@ class Metric:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """A picture's metrics over all pixels, and over those in which the truth shows anything of the volume."""
+    """The metrics of a picture against the truth.
+
+    everywhere: over all pixels. on_volume: over the pixels in which the truth shows anything of the volume.
+    """
 
     everywhere: ErrorMetrics
     on_volume: ErrorMetrics
@@ -72,13 +78,13 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class SampledAccuracy(Accuracy):
-    """An accuracy that a few exact rays tell: RMSE and PSNR with their intervals, over all pixels alone."""
+    """An accuracy that is estimated from a few exact rays: RMSE and PSNR with their intervals, only over all pixels."""
 
     samples: ErrorSamples
 
 
 def sampled_accuracy(samples: ErrorSamples) -> SampledAccuracy:
-    """Return the accuracy that samples of the squared error tell."""
+    """Return the accuracy that is estimated from samples of the squared error."""
     low, high = samples.interval
     everywhere = {"rmse": math.sqrt(max(samples.mean, 0.0)), "rmse_low": math.sqrt(low), "rmse_high": math.sqrt(high)}
     everywhere |= {"psnr": psnr(samples.mean), "psnr_low": psnr(high), "psnr_high": psnr(low)}
@@ -86,10 +92,11 @@ def sampled_accuracy(samples: ErrorSamples) -> SampledAccuracy:
 
 
 def measure_accuracy(picture: FloatImage, truth: TruePicture, on_volume: Bools) -> Accuracy:
-    """Compute all metrics, over all pixels and over those of a mask.
+    """Compute all metrics of a picture, over all pixels and over the pixels of a mask.
 
-    picture, truth: float [h, w, 3] in [0, 1], sRGB where a metric models the eye. on_volume: bool [h, w]; metrics over
-        an empty mask are NaN. SSIM and FLIP depend on surroundings, which may reach beyond the mask.
+    picture, truth: float [h, w, 3] in [0, 1]; metrics that model the eye take them as sRGB.
+    on_volume: bool [h, w], the mask; metrics over an empty mask are NaN. SSIM and FLIP depend on the surroundings of a
+        pixel, which may reach beyond the mask.
 
     Needs the packages of `require_measuring_packages`. Raises RenderError for a value that is not finite, which FLIP
     would rate as a perfect 0.
@@ -114,7 +121,7 @@ def compute_metric(name: str, picture: FloatImage, truth: TruePicture) -> float:
 def metric_map(name: str, picture: FloatImage, truth: TruePicture) -> FloatImage:
     """Return the value of `ssim` or `flip` at each pixel, float64 [h, w], whose mean is the metric.
 
-    It depends on pixels at most REACH_PX rows and columns away. Parameters and errors as in `measure_accuracy`.
+    A value depends on pixels at most REACH_PX rows and columns away. Parameters and errors as in `measure_accuracy`.
     """
     means = _checked_means(picture, truth)
     make_map, of = _FUNCTIONS[METRICS[name]]
@@ -125,9 +132,10 @@ def metric_map(name: str, picture: FloatImage, truth: TruePicture) -> FloatImage
 def pool_accuracies(accuracies: Sequence[Accuracy]) -> Accuracy:
     """Return the accuracy of several frames of one size, each with equal weight.
 
-    RMSE is from the mean of the squares, PSNR from that; errors have their maximum, other metrics their mean. A frame
-    whose metric is NaN, such as one that shows nothing of the volume, is left out of it. If all are NaN, so is the
-    result. Of estimates, the samples are pooled.
+    The RMSE is the root of the mean of its squares, and the PSNR follows from it. Of the largest errors the maximum is
+    taken; other metrics are averaged. Frames in which a metric is NaN, such as those that show nothing of the volume,
+    do not count for it; if it is NaN in all frames, so is the result. If accuracies are estimates, their samples are
+    pooled.
     """
     samples = [each.samples for each in accuracies if isinstance(each, SampledAccuracy)]
     if samples:
@@ -147,7 +155,7 @@ def _pool_metrics(differences: list[ErrorMetrics]) -> ErrorMetrics:
 
 
 def _checked_means(picture: FloatImage, truth: TruePicture) -> PixelMeans:
-    """Return a truth as means of pixels; those of a plain picture have no variance."""
+    """Return a truth as means over pixels; a plain picture gets variances of 0. All colours must be finite."""
     means = truth if isinstance(truth, PixelMeans) else PixelMeans(truth, np.zeros_like(truth))
     _require_images(picture, means.colors)
     return means
@@ -166,7 +174,7 @@ def require_measuring_packages() -> None:
         require_package(package, extra="measure")
 
 
-# Maps: the value of a metric at each pixel, from a picture and the truth.
+# Functions that make a map: the value of a metric at each pixel, from a picture and the truth.
 
 
 def _squared_error_map(picture: FloatImage, means: PixelMeans) -> Array:
@@ -203,11 +211,11 @@ def _ssim_map(picture: FloatImage, means: PixelMeans) -> Array:
 
 
 def _flip_map(picture: FloatImage, means: PixelMeans) -> Array:
-    """Return the perceived difference, [h, w]."""
+    """Return the perceived difference of FLIP, [h, w], from 0 to 1."""
     import flip_evaluator
 
     difference, _, _ = flip_evaluator.evaluate(
-        # Copies, because it needs arrays that are contiguous and writable.
+        # Copies, because FLIP needs arrays that are contiguous and writable.
         *(np.array(each, np.float32, order="C") for each in (means.colors, picture)),
         "LDR",
         inputsRGB=True,
@@ -226,7 +234,7 @@ def _delta_e_map(picture: FloatImage, means: PixelMeans) -> Array:
     return np.asarray(deltaE_cie76(*(rgb2lab(each.astype(np.float32)) for each in (means.colors, picture))))
 
 
-# Reductions: from a map, or the part of it under a mask, to a number.
+# Functions that reduce the values of a map, or its values under a mask, to a number.
 
 
 def _reduce(of: Callable[[Array], Any], values: Array) -> float:
@@ -234,7 +242,7 @@ def _reduce(of: Callable[[Array], Any], values: Array) -> float:
 
 
 def _root_of_mean(values: Array) -> float:
-    """Return the root of a mean squared error, whose estimate may be below 0: then 0."""
+    """Return the root of the mean of estimated squared errors; 0 if the mean is below 0."""
     return math.sqrt(max(float(np.mean(values)), 0.0))
 
 
@@ -246,15 +254,16 @@ def _noticeable_share(values: Array) -> float:
     return float(np.mean(values > NOTICEABLE_DELTA_E))
 
 
-# rmse: root of the mean squared difference of the RGB channels. max_error: largest difference of a channel, which
-#   has the truth's own error, too.
-# psnr: of the square of the rmse; infinite for equal pictures.
-# ssim: mean structural similarity (Wang et al. 2004) of the channels. The pictures are mirrored at the border. NaN for
-#   a picture smaller than the window of 11 pixels.
-# flip, flip_p99: mean and 99th percentile of the perceived difference (Andersson et al. 2020), 0 to 1, at
+# For each metric, the function that makes its map, and the function that reduces the map to a number.
+#
+# rmse: the root of the mean squared difference of the RGB channels.
+# max_error: the largest difference of a channel, which includes the truth's own error.
+# psnr: -20 log10(rmse); infinite for equal pictures.
+# ssim: the mean structural similarity (Wang et al. 2004) of the channels; pictures are mirrored at the border. It is
+#   NaN for a picture smaller than the window of 11 pixels.
+# flip, flip_p99: the mean and the 99th percentile of the perceived difference (Andersson et al. 2020), 0 to 1, at
 #   FLIP_PIXELS_PER_DEGREE.
-# delta_e_share: share of the pixels whose CIE 1976 colour difference is over 2.3, the just noticeable one.
-# Each has its map and its reduction.
+# delta_e_share: the share of the pixels whose CIE 1976 colour difference is over 2.3, the just noticeable one.
 _FUNCTIONS: dict[Metric, tuple[Callable[[FloatImage, PixelMeans], Array], Callable[[Array], Any]]] = {
     Metric("rmse", "RMSE"): (_squared_error_map, _root_of_mean),
     Metric("max_error", "largest error"): (_error_map, np.max),
@@ -264,4 +273,5 @@ _FUNCTIONS: dict[Metric, tuple[Callable[[FloatImage, PixelMeans], Array], Callab
     Metric("flip_p99", "FLIP, 99th percentile"): (_flip_map, partial(np.percentile, q=99)),
     Metric("delta_e_share", "pixels with Delta-E over 2.3"): (_delta_e_map, _noticeable_share),
 }
+# All metrics, by their names.
 METRICS = {metric.name: metric for metric in _FUNCTIONS}

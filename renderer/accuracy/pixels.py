@@ -1,7 +1,9 @@
 """Choose the pixels of a frame that are worth exact rays: more of them where the picture has edges.
 
-A block of pixels is chosen by its largest difference between neighbours, and a pixel in it by its own: errors lie on
-edges. A part of the choice is even, so that no error can hide. If all of it is, four times as many are needed.
+Errors lie on edges. A block of pixels is therefore chosen with a chance that grows with the largest difference between
+neighbours in it, and a pixel of the block with a chance that grows with its own difference. A part of the chance is the
+same for all pixels, so that every error can be found. With equal chances alone, four times as many pixels would be
+needed.
 """
 
 from __future__ import annotations
@@ -12,22 +14,28 @@ import numpy as np
 
 from renderer.volume import Float64, Int64, UInt8
 
+# The number of rows and columns of a block of pixels.
 _BLOCK = 8
-# Blocks along y that are looked at together: their differences stay in the processor's cache.
+# The number of rows of blocks whose differences are computed at once: they stay in the processor's cache.
 _BLOCKS_AT_ONCE = 8
-# A pixel's weight is its difference plus a share of the largest in its block and a constant for a block that is not
-# flat, in levels of 8 bits. With a share of 0.6, 32 probes of an antialiased picture miss its few edges more often:
-# intervals hold in 78 to 99 % of cases in place of 92 to 99. Every pixel gets this part of the mean weight, too.
-_SHARE_OF_LARGEST, _NOT_FLAT, _EVEN = 0.1, 2.0, 0.15
-# The difference of a typical pixel, by the largest in its block.
+# The chance of a pixel is proportional to its weight: its difference from its neighbours, in levels of 8 bits, plus
+# this share of the largest difference in its block. With a share of 0.6, 32 probes of an antialiased picture miss its
+# few edges more often: intervals hold the error in 78 to 99 % of cases in place of 92 to 99.
+_SHARE_OF_LARGEST = 0.1
+# This is added to the weight of a pixel whose block is not flat, in levels of 8 bits.
+_NOT_FLAT = 2.0
+# This share of the mean weight is added to the weight of every pixel.
+_EVEN = 0.15
+# The difference of a typical pixel from its neighbours, as a share of the largest difference in its block.
 _TYPICAL_DIFFERENCE = 0.25
 
 
 class ChosenPixels(NamedTuple):
-    """Pixels that were chosen, with repetitions.
+    """Pixels of a picture that are chosen by chance; a pixel may be chosen several times.
 
-    numbers: int64 [n], row by row from the top left corner.
-    factors: float64 [n]. The mean of any quantity over the picture is expected to be that of quantity times factor.
+    numbers: int64 [n], the pixels' numbers, row by row from the top left corner.
+    factors: float64 [n], 1 / (chance of the pixel * number of all pixels). The mean of factor times quantity over the
+        chosen pixels estimates the mean of the quantity over the picture.
     """
 
     numbers: Int64
@@ -35,7 +43,10 @@ class ChosenPixels(NamedTuple):
 
 
 def choose_pixels(image: UInt8, num: int, seed: tuple[int, ...]) -> ChosenPixels:
-    """Choose pixels of a picture, uint8 [h, w, channels]: one for each of `num` equal parts of the blocks' weight."""
+    """Choose `num` pixels of a picture, uint8 [h, w, channels], by the weights of blocks and of pixels.
+
+    The blocks, in a row with their weights as lengths, are divided into `num` equal parts: one pixel is in each.
+    """
     height, width, _ = image.shape
     random, each = np.random.default_rng(seed), np.arange(num)
     largest = _largest_differences(image)
@@ -66,7 +77,10 @@ def surrounding_differences(image: UInt8, numbers: Int64) -> Int64:
 
 
 def _largest_differences(image: UInt8) -> UInt8:
-    """Return for each block the largest difference of a channel of its pixels from those beside them."""
+    """Return the largest difference of a channel between neighbouring pixels, for each block: uint8 [rows, columns].
+
+    Neighbours are beside, above or below a pixel of the block.
+    """
     height, width, num_channels = image.shape
     num_rows, num_columns = -(-height // _BLOCK), -(-width // _BLOCK)
     found = np.empty((num_rows, num_columns), np.uint8)
@@ -88,9 +102,9 @@ def _largest_differences(image: UInt8) -> UInt8:
 
 
 def _differences_in_blocks(image: UInt8, rows: Int64, columns: Int64) -> UInt8:
-    """Return the largest difference of each pixel in some blocks from the four beside it, uint8 [n, _BLOCK, _BLOCK].
+    """Return the largest difference of each pixel in n blocks from its four neighbours, uint8 [n, _BLOCK, _BLOCK].
 
-    rows, columns: int64 [n, _BLOCK], those of the blocks.
+    rows, columns: int64 [n, _BLOCK], the rows and columns of the blocks in the picture.
     """
     height, width, _ = image.shape
     rows = np.clip(np.column_stack([rows[:, 0] - 1, rows, rows[:, -1] + 1]), 0, height - 1)

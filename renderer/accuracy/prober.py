@@ -1,6 +1,7 @@
-"""Compare a few pixels of a frame with exact rays: probes.
+"""Compare a few pixels of a frame with exact rays: these pixels are probes.
 
-A pixel is an area: its exact colour is the mean of a few rays, whose variance is known and taken away.
+A pixel is an area: its exact colour is the mean of a few rays. The variance of this mean is estimated, and subtracted
+from the squared error of the pixel.
 """
 
 from __future__ import annotations
@@ -20,24 +21,33 @@ from renderer.frame import FilmStage, Stage, view_of
 from renderer.truth import RAYS_PER_SQUARE, PixelMeans, SceneRays, means_over, places_in_pixels, sides_for
 from renderer.volume import Bools, Float32, Float64, Int64, UInt8
 
-# Of the rays, in voxels. Without shading 1 leaves errors of 1e-7. With it, 1/2 left 1e-5 to 1.3e-4 (RMS over the pixels
-# that were chosen in seven scans), a tenth of the error of a picture with 58 dB.
-_STEP, _SHADED_STEP = 1.0, 0.5
-# Squares along a side of a pixel, by the largest difference of a channel among the pixel and its eight neighbours, in
-# levels of 8 bits. From as many rays, estimates of antialiased frames of eight scans had 9 times the deviation with one
-# square everywhere, 1.8 times with 2 x 2, 1.3 times with 4 x 4.
+# The step of exact rays through layers without shading, in voxels: it leaves errors of 1e-7.
+_STEP = 1.0
+# The step of exact rays if a layer is shaded, in voxels. It left errors of 1e-5 to 1.3e-4 (RMS over the pixels that
+# were chosen in seven scans), a tenth of the error of a picture with 58 dB.
+_SHADED_STEP = 0.5
+# Pairs of a difference and the number of squares along a side of a pixel from this difference on; two rays pass through
+# each square. The difference is the largest one of a channel among the pixel and its eight neighbours, in levels of 8
+# bits. With equal numbers of rays, estimates for antialiased frames of eight scans had 9 times the deviation with one
+# square in every pixel, 1.8 times with 2 x 2, and 1.3 times with 4 x 4.
 _SIDES = ((0, 1), (8, 2), (51, 4))
-# Where the scene does not say: pixels of a picture for each probe, the fewest probes of a frame, and of a whole path.
-_PIXELS_PER_PROBE, _MIN_PROBES, _MIN_PROBES_OF_PATH = 16384, 16, 512
+# If the scene does not give a number of probes, a picture has a probe for this many pixels.
+_PIXELS_PER_PROBE = 16384
+# If the scene does not give a number of probes, a frame has at least this many.
+_MIN_PROBES = 16
+# If the scene does not give a number of probes, all frames of the path have at least this many together.
+_MIN_PROBES_OF_PATH = 512
 
 
 @dataclass(frozen=True)
 class Probe:
-    """A record of the probes of a frame.
+    """The result of the probes of a frame.
 
-    largest_error: the largest error that a probe tells of a channel, in [0, 1]; at edges its few rays tell too much.
-    visible: what each of the `scalar_ranges` adds to the mean opacity of the picture; empty of projections.
-    shared: the errors at the probes that a frame beside this one has, too; None if there are none.
+    samples: of the squared error.
+    largest_error: the largest error of a channel at a probe, in [0, 1]; at edges it is too large, as rays are few.
+    visible: the opacity that each of the `scalar_ranges` adds to the mean opacity of the picture; empty in modes that
+        show a number of a ray in place of light.
+    shared: the errors at probes that the frame shares with a neighbouring frame; None if it shares none.
     """
 
     samples: ErrorSamples
@@ -48,9 +58,10 @@ class Probe:
 
 @dataclass(frozen=True)
 class ExactPixels:
-    """A set of exact means of some pixels of a frame, over what is behind them.
+    """The exact colours of some pixels of a frame, over the background.
 
-    behind: float64 [n, 3]. visible: as in Probe; empty of rays that converge.
+    chosen: the pixels. means: the means of their rays. behind: float64 [n, 3], the background behind each pixel.
+    visible: as in Probe; empty if the rays were integrated until they converged.
     """
 
     chosen: ChosenPixels
@@ -59,9 +70,9 @@ class ExactPixels:
     visible: tuple[float, ...] = ()
 
     def compare_image(self, image: Pixels, covered: Bools | None = None) -> Probe:
-        """Measure the error of a picture of any depth; a transparent one is compared over black.
+        """Measure the error of a picture of any bit depth; a transparent picture is compared over black.
 
-        covered: pixels over which something is drawn, [h, w]; the error is that of the others.
+        covered: bool [h, w], pixels over which an annotation is drawn: the error is that of all other pixels.
         """
         colors = over_black(image.reshape(-1, image.shape[2])[self.chosen.numbers])[:, :3]
         if covered is None:
@@ -70,11 +81,11 @@ class ExactPixels:
         return self._compare(colors, is_open / max(1 - covered.mean(), 1 / covered.size))
 
     def compare_radiance(self, radiance: Float32) -> Probe:
-        """Measure the error of a picture before it is rounded: premultiplied RGBA, [h, w, 4]."""
+        """Measure the error of a picture before it is rounded. radiance: [h, w, 4], premultiplied RGBA."""
         return self._compare(over_rows(radiance.reshape(-1, 1, 4)[self.chosen.numbers], self.behind)[:, 0])
 
     def compare_picture(self, picture: npt.NDArray[np.floating]) -> Probe:
-        """Measure the error of a picture over its background, in [0, 1]: [h, w, 3]."""
+        """Measure the error of a picture. picture: [h, w, 3], in [0, 1], already over its background."""
         return self._compare(picture.reshape(-1, 3)[self.chosen.numbers])
 
     def _compare(self, colors: npt.NDArray[np.floating], weights: Float64 | float = 1.0) -> Probe:
@@ -85,10 +96,13 @@ class ExactPixels:
 
 
 class FrameProber:
-    """A prober of frames by a stage, of a film in which nothing moves, or of one frame.
+    """An object that chooses probes in frames and computes their exact colours.
 
+    stage: of a film in which only the camera moves, or of one frame.
+    num_probes: the number of probes of a frame.
     seed: of the choice of pixels, which also depends on the frame's number.
-    tolerance: of the convergence of the exact rays, in every channel; None for rays of one step.
+    tolerance: the largest change of a channel at which exact rays count as converged; None to integrate rays once, with
+        a fixed step.
     """
 
     def __init__(
@@ -102,7 +116,7 @@ class FrameProber:
         self._ranges = scalar_ranges(stage)
 
     def on(self, stage: Stage) -> FrameProber:
-        """Return a prober of the stage of another frame, with the same rays where its layers are the same."""
+        """Return a prober for the stage of another frame. If the layers are the same, the prepared rays are reused."""
         if stage.groups is self._stage.groups:
             prober = copy(self)
             prober._stage = stage
@@ -125,7 +139,7 @@ class FrameProber:
         return ExactPixels(chosen, means_over(exact, behind, sides), behind, visible)
 
     def _places(self, number: int, coarse: UInt8, pixels: Int64) -> tuple[Float64, Int64, Float64]:
-        """Return what is behind pixels of a frame, the squares along their sides, and the places of their rays."""
+        """Return the background behind pixels of a frame, the squares along each side, and the places of their rays."""
         width = coarse.shape[1]
         behind = behind_rows(self._stage.scene.background, len(coarse))[pixels // width]
         sides = sides_for(surrounding_differences(coarse, pixels), _SIDES)
@@ -135,13 +149,14 @@ class FrameProber:
     def probe(self, number: int, image: Pixels, covered: Bools | None = None) -> Probe:
         """Measure the error of a frame's picture; parameters as in `exact_pixels` and `compare_image`."""
         seen = image if covered is None else np.where(covered[..., None], image.dtype.type(0), image)
-        probe = self.exact_pixels(number, seen).compare_image(image, covered)  # edges of what covers are not looked at
+        probe = self.exact_pixels(number, seen).compare_image(image, covered)  # chosen without the annotation's edges
         return replace(probe, shared=self._shared_errors(number, image, covered))
 
     def _shared_errors(self, number: int, image: Pixels, covered: Bools | None) -> SharedErrors | None:
-        """Return the errors of a frame's picture at the probes that it shares with a frame beside it.
+        """Return the errors of a frame's picture at the probes that it shares with a neighbouring frame; None without.
 
-        They are as many as its other probes. Few have edges, and so many rays: they take 0.4 of the time of the others.
+        There are as many shared probes as other probes. They are not chosen by edges, so that few need many rays: they
+        take 0.4 of the time of the other probes.
         """
         first = first_of_pair(number, self._stage.scene.camera.num_frames)
         if first is None:
@@ -164,7 +179,7 @@ def _coarse(image: Pixels) -> UInt8:
 
 
 def open_prober(film: FilmStage, num_threads: int) -> FrameProber | None:
-    """Return a prober with the probes that a scene wants; None where it wants none."""
+    """Return a prober with the number of probes that a scene asks for, or a default; None if it asks for 0 probes."""
     scene, num_probes = film.scene, film.scene.error.probes
     if num_probes is None:
         width, height = scene.output.size

@@ -1,12 +1,13 @@
 """Choose probes that two neighbouring frames share, and estimate by how much errors change from one to the other.
 
-The errors of each frame are kept by itself, and compared once the frames of a film are known: frames may be drawn in
-any order, by any process, or may be kept from an earlier job. A probe is therefore chosen by chance alone, not by a
-picture, and is one channel of a pixel: a frame keeps one number for each.
+The record of each frame keeps its errors at shared probes, and they are compared once all frames of a film are there:
+frames may be drawn in any order, by any process, or may be kept from an earlier job. A shared probe is therefore chosen
+by chance alone, not by a picture. It is one channel of a pixel, so that a frame keeps one number for each probe.
 
-The mean square of the change of an error, from a to b, is that of a, and of b, without twice the mean of a b. The first
-two are the mean squared errors, which all probes tell, so that shared probes tell a b alone: their rays are their own
-in each frame, and the errors of these cancel. In frames of a turntable, a b has a fourth of the deviation of (b - a)^2.
+If the error at a probe changes from a to b, the mean of (b - a)^2 is mean(a^2) + mean(b^2) - 2 mean(a b). The first two
+terms are the mean squared errors of the frames, which all probes estimate: shared probes are needed for a b alone. Each
+frame has rays of its own at shared probes, so that the rays' own errors cancel in a b. In frames of a turntable, a b
+has a fourth of the deviation of (b - a)^2.
 """
 
 from __future__ import annotations
@@ -19,18 +20,24 @@ import numpy as np
 from renderer.accuracy.estimate import DEVIATIONS, ErrorSamples, error_samples
 from renderer.volume import Float64, Int64
 
-# The most pairs of neighbouring frames of a path that share probes: one in each of as many equal parts of the path.
+# The path is divided into at most this many equal parts, in each of which one pair of neighbouring frames shares
+# probes.
 _MOST_PAIRS = 64
-# The fewest frames of a part of a path. With parts of two frames, pairs would be in step with what moves in steps.
+# A part of the path has at least this many frames. With parts of two frames, pairs could keep step with a motion that
+# changes every second frame.
 _FEWEST_FRAMES = 3
-# Numbers that tell the choices of a seed apart.
-_OF_PAIRS, _OF_PIXELS = 1, 2
+# A number in the seed of the choice of pairs, which makes it independent of the choice of pixels.
+_OF_PAIRS = 1
+# A number in the seed of the choice of pixels, which makes it independent of the choice of pairs.
+_OF_PIXELS = 2
 
 
 class SharedPixels(NamedTuple):
-    """Probes that two neighbouring frames share. first: the number of the first frame.
+    """Probes that two neighbouring frames share.
 
-    numbers: of pixels, row by row from the top left corner, int64 [n]. channels: of each, 0 to 2, int64 [n].
+    first: the number of the first frame.
+    numbers: int64 [n], the numbers of pixels, row by row from the top left corner.
+    channels: int64 [n], the channel of each pixel, 0 to 2.
     """
 
     first: int
@@ -39,9 +46,10 @@ class SharedPixels(NamedTuple):
 
 
 class SharedErrors(NamedTuple):
-    """The errors of a frame at the probes that it shares. first: the number of the first of the two frames.
+    """The errors of a frame at the probes that it shares with a neighbouring frame.
 
-    errors: with their signs, in [-1, 1]; NaN where something is drawn over the pixel.
+    first: the number of the first of the two frames.
+    errors: picture minus truth, in [-1, 1]; NaN for a pixel over which an annotation is drawn.
     """
 
     first: int
@@ -49,9 +57,9 @@ class SharedErrors(NamedTuple):
 
 
 def first_of_pair(frame: int, num_frames: int) -> int | None:
-    """Return the first of the two frames that share probes, one of which is `frame`; None if it shares none.
+    """Return the first frame of the pair of frames that share probes and have `frame` among them; None without a pair.
 
-    num_frames: of the path.
+    num_frames: the number of frames of the path.
     """
     in_part = max(min(_FEWEST_FRAMES, num_frames), -(-num_frames // _MOST_PAIRS))
     part = frame // in_part
@@ -63,9 +71,9 @@ def first_of_pair(frame: int, num_frames: int) -> int | None:
 
 
 def shared_pixels(first: int, num_pixels: int, num_probes: int, seed: int) -> SharedPixels:
-    """Choose probes for two frames from `first` on: one in each of equal parts of a picture.
+    """Choose the probes that frame `first` and the next frame share: one in each of equal parts of a picture.
 
-    The mean of any quantity over pixels and channels is expected to be that over the probes.
+    The mean of a quantity over the probes estimates its mean over all pixels and channels.
     """
     random, each = np.random.default_rng((_OF_PIXELS, seed, first)), np.arange(num_probes)
     places = (each + random.random(num_probes)) * (num_pixels / num_probes)
@@ -74,7 +82,10 @@ def shared_pixels(first: int, num_pixels: int, num_probes: int, seed: int) -> Sh
 
 
 def error_products(before: SharedErrors, after: SharedErrors) -> ErrorSamples | None:
-    """Return samples of the product of the errors of a channel in two frames; None if all probes are drawn over."""
+    """Return a summary of the products of the errors of two frames at shared probes.
+
+    None if annotations are drawn over all of the probes.
+    """
     assert before.first == after.first and len(before.errors) == len(after.errors)
     products: Float64 = np.multiply(before.errors, after.errors)
     products = products[~np.isnan(products)]
@@ -84,10 +95,10 @@ def error_products(before: SharedErrors, after: SharedErrors) -> ErrorSamples | 
 def estimate_flicker(errors: ErrorSamples, products: ErrorSamples) -> tuple[float, tuple[float, float]]:
     """Return the root mean square change of errors between neighbouring frames, and its interval; all in [0, 1].
 
-    errors: samples of the squared error of all frames. products: of all pairs.
+    errors: samples of the squared error of all frames. products: samples of the products of errors of all pairs.
 
-    The error may be in few pixels, and the same in both frames: the product that shared probes may have missed is as
-    large as the squared errors that others have seen.
+    Large errors may be in few pixels, and equal in both frames: a product that shared probes have missed may be as
+    large as the largest squared error at any probe.
     """
     low, high = errors.interval
     larger = products.with_missed(max(products.largest, errors.largest))

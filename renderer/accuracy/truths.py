@@ -20,20 +20,21 @@ from renderer.volume import Bools
 
 T = TypeVar("T")
 
-# The convergence of the rays of a truth in every channel. Errors of 119 dB were seen with it: a pixel's few rays leave
-# far more.
+# The rays of a truth count as converged if halving their step changes no channel, in [0, 1], by this much. Their errors
+# were then 119 dB; that a pixel is the mean of few rays causes far more.
 TRUTH_TOLERANCE = 1e-4
-# Exact rays of a frame without a whole truth: its PSNR is then known to about 1 dB.
+# The number of pixels with exact rays in a frame without a whole truth: its PSNR is then known to about 1 dB.
 NUM_SAMPLED_PIXELS = 1024
 
 
 @dataclass(frozen=True)
 class Truth:
-    """A truth: what the pixels of one frame show, by converged rays.
+    """A truth: the exact picture of one frame, from converged rays.
 
-    means: over each pixel, [h, w, 3]. on_volume: bool [h, w], where anything of the volume is visible.
-    convergence: the changes as the step was halved. rays_per_pixel: on average.
-    seconds: the time that it took, where somebody has timed it.
+    means: [h, w, 3], the mean over each pixel. on_volume: bool [h, w], whether anything of the volume is visible.
+    convergence: the changes of the rays each time that their step was halved.
+    rays_per_pixel: the mean number of rays of a pixel.
+    seconds: the time that computing it took; 0 if it was not timed.
     """
 
     frame: int
@@ -50,7 +51,7 @@ class Truth:
 
     @property
     def own_psnr(self) -> float:
-        """Return the PSNR of the picture, in decibels, as its own rays tell it."""
+        """Return the PSNR of the truth itself, in decibels, estimated from the variances of its pixels."""
         return psnr(float(np.mean(self.means.variances, dtype=np.float64)))
 
     @property
@@ -64,35 +65,36 @@ class Truth:
         return bool(self.on_volume.any())
 
     def accuracy_of(self, picture: FloatImage) -> Accuracy:
-        """Compare a picture over the background, float64 [h, w, 3], with the truth."""
+        """Return the accuracy of a picture of the frame. picture: float64 [h, w, 3], already over the background."""
         return measure_accuracy(picture, self.means, self.on_volume)
 
     def errors_of(self, picture: FloatImage) -> PictureErrors:
-        """Return the errors of a picture over the background, float64 [h, w, 3]."""
+        """Return the errors of a picture of the frame. picture: float64 [h, w, 3], already over the background."""
         return PictureErrors(self.frame, picture - self.means.colors, self.means.variances, self.on_volume)
 
 
 @dataclass(frozen=True)
 class SampledTruth:
-    """A truth of some pixels of one frame; otherwise as Truth. shows_volume: whether its picture does."""
+    """A truth of some pixels of one frame.
+
+    exact: the exact colours of the pixels. shows_volume: whether the drawn picture of the frame shows the volume.
+    """
 
     frame: int
     exact: ExactPixels
     shows_volume: bool
 
     def accuracy_of(self, picture: FloatImage) -> Accuracy:
-        """Estimate the accuracy of a picture over the background, float64 [h, w, 3]."""
+        """Estimate the accuracy of a picture of the frame. picture: float64 [h, w, 3], already over the background."""
         return sampled_accuracy(self.exact.compare_picture(picture).samples)
 
 
 def compute_truth(
     film: FilmStage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress = ignore
 ) -> Truth:
-    """Compute the truth of a frame, with rays that are exact to `tolerance` in every channel.
+    """Compute the truth of a frame. Raises RenderError if a ray does not converge.
 
-    Raises RenderError if one does not converge.
-
-    on_progress: as in `RayIntegrator.converge`.
+    tolerance, on_progress: as in `RayIntegrator.converge`.
     """
     stage = film.at(frame)
     scene, view = stage.scene, view_of(stage, frame)
@@ -104,9 +106,9 @@ def compute_truth(
 def sample_truths(
     film: FilmStage, frames: Sequence[int], tolerance: float, rasterizer: Rasterizer, *, clock: Clock, num_threads: int
 ) -> list[SampledTruth]:
-    """Compute the truth of some pixels of each frame, chosen by its picture at the scene's tolerance.
+    """Compute the truth of some pixels of each frame, which are chosen by drawing the frame at the scene's tolerance.
 
-    tolerance: as in `compute_truth`.
+    tolerance: of the exact rays, as in `RayIntegrator.converge`.
     """
     prober = FrameProber(film.first, NUM_SAMPLED_PIXELS, num_threads=num_threads, tolerance=tolerance)
     return [
@@ -120,14 +122,15 @@ def sample_truths(
 
 
 def is_loop(path: CameraPath) -> bool:
-    """Return whether the last frame of a path leads back to the first."""
+    """Return whether a path is a loop, whose last frame comes just before the first."""
     return not isinstance(path, KeyframePath) or path.loop
 
 
 def with_a_neighbour(frames: Sequence[int], num_frames: int) -> list[int]:
-    """Return spread frames of a path of `num_frames`, with the one after a middle frame unless two are neighbours.
+    """Return frames of a path of `num_frames`, with one more if no two are neighbours: the one after the middle frame.
 
-    Their errors tell flicker. The first frame often looks along an axis of the volume, as few others do.
+    Flicker is measured between neighbours. The pair is not at the first frame, which often looks along an axis of the
+    volume, as few other frames do.
     """
     middle = frames[len(frames) // 2]
     has_neighbours = any(frame + 1 in frames for frame in frames)
