@@ -1,14 +1,17 @@
-// Find the pixels that need several rays, by what differs in a picture, and average their rays.
+// Find the pixels that need several rays, by their differences from neighbours, and average the rays of pixels.
 #include "base/lanes.h"
 #include "draw/kernels.h"
 
 namespace {
 
 using Pixel = Vector<float, 4>;
-// As in renderer/draw/bricks/antialiasing.py.
+// The marks of pixels, as in renderer/draw/bricks/antialiasing.py. A pixel without a mark has one ray.
 constexpr uint8_t NOT_MARKED = 0;
+// The mark of a pixel that is to get 4 rays.
 constexpr uint8_t MARKED_FOR_FEW = 2;
+// The mark of a pixel that has its 16 rays.
 constexpr uint8_t HAS_MANY = 3;
+// The mark of a pixel that is to get 16 rays.
 constexpr uint8_t MARKED_FOR_MANY = 4;
 
 INLINE Pixel pixel_at(const Array<const float, 3>& image, int64_t row, int64_t column) {
@@ -17,7 +20,7 @@ INLINE Pixel pixel_at(const Array<const float, 3>& image, int64_t row, int64_t c
 
 INLINE bool is_more(Pixel difference, float threshold) { return any_of(mask_of(difference > threshold)); }
 
-// The colour of a ray as it is displayed: light that adds up may exceed 1.
+// Return the colour of a ray, limited to 1 as a display limits it: light that adds up may exceed 1.
 INLINE Pixel ray_at(const Array<const float, 2>& rays, int64_t ray) {
     return min_of(load<Pixel>(&rays(ray, 0), 0), Pixel{1, 1, 1, 1});
 }
@@ -57,7 +60,7 @@ Status mark_contrasts(const MarkContrasts* arguments) {
     return DONE;
 }
 
-// Mark the neighbours of some pixels that differ from them by more than a threshold, in a channel, unless they are marked.
+// Mark each neighbour of some pixels that has no mark, and differs from the pixel by more than a threshold in a channel.
 Status spread_contrasts(const SpreadContrasts* arguments) {
     const auto [image, threshold, pixels, marks] = *arguments;
     int64_t num_rows = image.shape[0], num_columns = image.shape[1];
@@ -74,9 +77,9 @@ Status spread_contrasts(const SpreadContrasts* arguments) {
     return DONE;
 }
 
-// Mark the neighbours, for many rays, of the pixels that lie on a thin line: those that are above both pixels beside them,
-// or below both, by more than a threshold, in a channel. A line that is thinner than the gaps between few rays goes on
-// where they see nothing of it.
+// Mark, for many rays, the neighbours of those of some pixels that lie on a thin line. On a line, a channel is larger than
+// in both pixels on opposite sides, or smaller than in both, by more than a threshold. The line may go on in the neighbours
+// between their few rays, which then do not meet it.
 Status follow_lines(const FollowLines* arguments) {
     const auto [image, threshold, pixels, marks] = *arguments;
     int64_t num_rows = image.shape[0], num_columns = image.shape[1];
@@ -101,7 +104,8 @@ Status follow_lines(const FollowLines* arguments) {
     return DONE;
 }
 
-// Put the mean of what is displayed of each pixel's rays into a picture, and note where they differ by more than a threshold in a channel.
+// Write the mean of each pixel's rays, as they are displayed, into a picture, and whether the rays differ by more than a
+// threshold in a channel.
 Status average_rays(const AverageRays* arguments) {
     const auto [rays, num_rays, pixels, threshold, image, differ] = *arguments;
     if (num_rays < 1 || rays.shape[0] != pixels.shape[0] * num_rays || !match(differ, pixels)) return OUT_OF_BOUNDS;

@@ -4,14 +4,18 @@
 
 namespace {
 
-// Rays that are measured between two looks at whether the process is asked to end: a tenth of a millisecond.
+// After this many rays, a tenth of a millisecond, the kernel looks whether it is asked to stop.
 constexpr int64_t RAYS_BETWEEN_LOOKS = 1024;
 
+// A ray in index space, in voxels from the middle of the volume.
 struct Ray {
-    double origin[3], direction[3];
+    // The origin along x, y, z.
+    double origin[3];
+    // The direction along x, y, z.
+    double direction[3];
 };
 
-// A range of lengths along a ray, which is empty unless start < end.
+// A range of positions along a ray, in lengths of its direction; it is empty unless start < end.
 struct Range {
     double start, end;
 };
@@ -33,8 +37,8 @@ Range clip_to_slabs(const Array<const double, 2>& slabs, const Ray& ray, Range r
     return range;
 }
 
-// Return the length, of a range inside the box, that lies in voxels with data, from one voxel to the next. The ray's
-// origin is in voxels from the middle of the volume.
+// Return the length of the parts of a range that lie in voxels with data. The range is inside the volume's box, and is
+// followed from one voxel to the next.
 double length_of_data(const Array<const bool, 3>& absent, const Ray& ray, Range range) {
     auto [start, end] = range;
     double corner[3], leave[3], length = 0.0;
@@ -63,13 +67,13 @@ double length_of_data(const Array<const bool, 3>& absent, const Ray& ray, Range 
         until = most(until, start);
         length += absent(voxel[2], voxel[1], voxel[0]) ? 0.0 : until - start;
         start = until;
-        // There are three cases because the processor predicts which one comes, while an index would wait for the
-        // division.
+        // There is a case for each axis, because the processor predicts the case, while an array index would have to wait
+        // for the division.
         if (across < 0 || !(across == 0 ? step(0) : across == 1 ? step(1) : step(2))) return length;
     }
 }
 
-// Return the length of a range that lies in none of the removed ranges, and not in absent voxels.
+// Return the length of the parts of a range that lie in none of the removed ranges, and not in voxels without data.
 double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool, 3>>& absent, const Ray& ray,
                       Range range) {
     auto [start, end] = range;
@@ -90,7 +94,7 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
 
 }  // namespace
 
-// Write the world lengths of rays, within `rays.clip`.
+// Write the world lengths of the parts of rays that are inside the volume's box and its clip region.
 Status measure_chords(const MeasureChords* arguments) {
     const auto [rays, shape, positions_px, absent, unit, lengths] = *arguments;
     const auto& [slabs, boxes] = rays.clip.value;  // empty ones for None

@@ -14,14 +14,14 @@ struct MeasureChords {
     Maybe<Array<const bool, 3>> absent;
     // The world length of a model unit.
     double unit;
-    // [n]: the world length of each ray.
+    // [n]: the world length of each ray inside the volume's box and its clip region; the kernel writes it.
     EACH_CALL Array<float, 1> lengths;
 };
 LONG_KERNEL(measure_chords, MeasureChords)
 
 // Turn one number of each ray into a colour.
 struct ColorShares {
-    // The colours as a function of the number.
+    // The table of colours, as a function of the number of a ray.
     TransferTable curve;
     // [h, w]: the number of each ray.
     EACH_CALL Array<const float, 2> shares;
