@@ -23,8 +23,9 @@ UPLOAD_STEP = "bricks"
 
 @dataclass(frozen=True)
 class DrawList:
-    """A list of the elements to draw on a frame: a level of detail in its draw orders.
+    """The splats or bricks to draw on a frame: a level of detail, sorted for the frame's view.
 
+    orders: the indices of the elements of each batch in draw order, once or in several orders that are blended.
     order_seconds: the time that sorting took.
     """
 
@@ -42,7 +43,8 @@ class DrawList:
 
     def upload(self, rasterizer: Rasterizer) -> bool:
         """Prepare the rasteriser for this frame and similar ones; return whether there was something to do."""
-        return rasterizer.upload(self.lod.batches, self.orders[0][1], self.view)  # every order has the same elements
+        # The first order is enough: every order has the same elements.
+        return rasterizer.upload(self.lod.batches, self.orders[0][1], self.view)
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def _add_projections(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
 def _color_projection(
     layer: Layer, view: View, threads: ThreadPool, gathered: Float32, positions_px: Float64 | None
 ) -> Float32:
-    """Return the colours of a projection, of rays or of a whole picture; parameters as of `RayColors`."""
+    """Return the colours of a projection for rays or a whole picture. gathered, positions_px: as in `RayColors`."""
     assert layer.projection is not None
     chords = chord_lengths(layer.volume, view, layer.spec.clip, positions_px, threads)
     if positions_px is None:

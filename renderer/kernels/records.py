@@ -47,8 +47,8 @@ class Grid(NamedTuple):
     starts: NDArray[np.int64]
     # The numbers of the bricks over tiles, tile by tile, in draw order.
     numbers: NDArray[np.int64]
-    # [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if pixel k has
-    # ray k alone.
+    # [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if each pixel
+    # k has ray k alone.
     places: NDArray[np.int32] | None
     # [rays, 4]: premultiplied RGBA of the rays, or other amounts that they gather.
     rays: NDArray[np.float32]
@@ -66,7 +66,7 @@ class Shading(NamedTuple):
 
 
 class Light(NamedTuple):
-    """The light on a layer and factors on its extinction, if they depend on the view or on the length of the gradient."""
+    """The light on a layer and factors on its extinction, if these depend on the view or on the gradient's length."""
 
     shading: Shading
     # The share of the light that reaches each position.
@@ -77,8 +77,8 @@ class Light(NamedTuple):
     toward: NDArray[np.float64]
     # [3, 3]: the matrix from directions in index space to the world, up to a common factor.
     world_from_index: NDArray[np.float64]
-    # [n, 3]: the length of a gradient between texels, the factor on extinction at this length, and the slope of the factor
-    # up to the next row's length.
+    # [n, 3]: the length of a gradient between texels, the factor on extinction at this length, and the slope of the
+    # factor up to the next row's length.
     factors: NDArray[np.float32]
     # The position of the volume's centre in `grid` (x, y, z), in cells.
     first_cell: NDArray[np.float64]
@@ -146,8 +146,8 @@ class LayerBricks(NamedTuple):
 class SearchRules(NamedTuple):
     """The rules of a search for the most extreme scalar, which are the same in all bricks.
 
-    A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows nothing, and 1
-    at the other end of the colour range.
+    A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows nothing,
+    and 1 at the other end of the colour range.
     """
 
     # The number of texel 0.

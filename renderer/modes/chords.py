@@ -14,10 +14,12 @@ from renderer.volume import Float32, Float64, Volume
 def chord_lengths(
     volume: Volume, view: View, clip: tuple[ClipSpec, ...], positions_px: Float64 | None, threads: ThreadPool
 ) -> Float32:
-    """Return the world lengths of rays inside the box, beyond the near plane: float32 [n], or [h, w] of whole pictures.
+    """Return the world lengths of rays inside the volume's box, beyond the near plane: float32 [n], or [h, w].
 
-    clip: besides that of the view. What is clipped away, and voxels without data, do not count.
-    positions_px: where rays are in the picture, float64 [n, 2]; None for the centres of all pixels.
+    Parts of a ray that clipping removes, and parts in voxels without data, do not count.
+    clip: planes and boxes that clip the volume, in addition to those of the view.
+    positions_px: float64 [n, 2], the positions of rays in the picture, in pixels; None for the centres of all pixels of
+        the picture, [h, w].
     """
     measure = kernels().measure_chords.partial(
         rays=ray_setup(volume, volume.half_diagonal, view, clip), shape=volume.shape_xyz, unit=volume.half_diagonal,

@@ -164,8 +164,8 @@ struct Grid {
     Array<const int64_t, 1> starts;
     // The numbers of the bricks over tiles, tile by tile, in draw order.
     Array<const int64_t, 1> numbers;
-    // [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if pixel k has
-    // ray k alone.
+    // [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if each pixel
+    // k has ray k alone.
     Maybe<Array<const int32_t, 2>> places;
     // [rays, 4]: premultiplied RGBA of the rays, or other amounts that they gather.
     Sized<float, 2, 4> rays;
@@ -181,7 +181,7 @@ struct Shading {
     bool two_sided;
 };
 
-// The light on a layer and factors on its extinction, if they depend on the view or on the length of the gradient.
+// The light on a layer and factors on its extinction, if these depend on the view or on the gradient's length.
 struct Light {
     Shading shading;
     // The share of the light that reaches each position.
@@ -192,8 +192,8 @@ struct Light {
     float toward[3];
     // [3, 3]: the matrix from directions in index space to the world, up to a common factor.
     float world_from_index[9];
-    // [n, 3]: the length of a gradient between texels, the factor on extinction at this length, and the slope of the factor
-    // up to the next row's length.
+    // [n, 3]: the length of a gradient between texels, the factor on extinction at this length, and the slope of the
+    // factor up to the next row's length.
     Sized<const float, 2, 3> factors;
     // The position of the volume's centre in `grid` (x, y, z), in cells.
     double first_cell[3];
@@ -286,8 +286,8 @@ LONG_KERNEL(draw_mixture, DrawMixture)
 
 // The rules of a search for the most extreme scalar, which are the same in all bricks.
 //
-// A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows nothing, and 1
-// at the other end of the colour range.
+// A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows nothing,
+// and 1 at the other end of the colour range.
 struct SearchRules {
     // The number of texel 0.
     float offset;
