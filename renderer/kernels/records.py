@@ -47,8 +47,8 @@ class Grid(NamedTuple):
     starts: NDArray[np.int64]
     # The numbers of the bricks over tiles, tile by tile, in draw order.
     numbers: NDArray[np.int64]
-    # [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if each pixel
-    # k has ray k alone.
+    # [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if pixel k
+    # has ray k alone.
     places: NDArray[np.int32] | None
     # [rays, 4]: premultiplied RGBA of the rays, or other amounts that they gather.
     rays: NDArray[np.float32]

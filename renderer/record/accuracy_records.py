@@ -1,4 +1,4 @@
-"""Say how exact frames, and the film of them, are: from exact rays to records and words."""
+"""Turn the results of exact rays into records and words on how exact frames and films are."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ from renderer.record.rounding import round_decibels, round_ratio
 if TYPE_CHECKING:
     from renderer.accuracy import Probe
 
-# The least gain of another encoding that is recorded, in decibels: less is not worth a change.
+# Another encoding is recorded only if it gains at least this much PSNR, in decibels: less is not worth a change.
 _LEAST_GAIN_DB = 1.0
-# The number of decimal places of an error, in levels of 8 bits.
+# The number of decimal places of an error in a record, in levels of 8 bits.
 _PLACES_OF_LEVELS = 3
+# The recorded name of the method by which the pixels for exact rays are chosen.
 _METHOD = "stratified by the differences between neighbouring pixels"
 
 
@@ -75,7 +76,7 @@ def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
 def _flicker(errors: ErrorSamples, frames: Sequence[SharedProbes]) -> FlickerRecord | None:
     """Return the record of flicker; None without two frames that share probes.
 
-    errors: samples of the squared error of all frames. frames: that share probes.
+    errors: samples of the squared error of all frames. frames: the shared probes of the frames that have any.
     """
     pairs = [
         error_products(_shared_errors(one), _shared_errors(other))
@@ -101,10 +102,10 @@ def flicker_text(flicker: FlickerRecord) -> str:
 
 
 def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int, finer: FinerFile | None) -> FilmAccuracy:
-    """Return the accuracy of a film together with the accuracy of its file.
+    """Return the record of a film's accuracy, with the accuracy of its encoded file.
 
-    loss: the mean squared error between the frames as they were drawn and as they are decoded, in [0, 1].
-    num_frames: the number of frames compared. finer: another encoding.
+    loss: the mean squared error between the drawn and the decoded frames, of colours in [0, 1].
+    num_frames: the number of frames compared. finer: another encoding that keeps more, or None.
     """
     kept = min(psnr(loss), MOST_DB)
     return replace(accuracy, file=FileAccuracy(_file_psnr(accuracy, loss), kept, num_frames, finer))
@@ -113,9 +114,10 @@ def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int, fin
 def finer_file(
     accuracy: FilmAccuracy, keys: Mapping[str, Any], losses: tuple[float, float], bytes_ratio: float
 ) -> FinerFile | None:
-    """Return the record of an encoding with other keys; None where it gains little.
+    """Return the record of an encoding with other keys of the output; None if it gains little.
 
-    losses: of the film, and of the other encoding.
+    losses: the mean squared errors that the film's encoding and the other one add.
+    bytes_ratio: the bytes of the other file, divided by those of the film.
     """
     loss, finer_loss = losses
     gained = _file_psnr(accuracy, finer_loss)
@@ -125,7 +127,7 @@ def finer_file(
 
 
 def _file_psnr(accuracy: FilmAccuracy, loss: float) -> float:
-    """Return the PSNR of a file: its loss is added to the error of drawing, as the two are independent."""
+    """Return the PSNR of a file: the loss of its encoder is added to the error of drawing, as they are independent."""
     return min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
 
 
@@ -140,14 +142,14 @@ def accuracy_text(accuracy: FilmAccuracy) -> str:
 def file_accuracy_text(accuracy: FilmAccuracy, psnr_of_encoding: float | None = None) -> str:
     """Return `file PSNR 40.7 dB (40.6 to 40.8)`.
 
-    psnr_of_encoding: of the decoded frames, measured from the frames as they were drawn; None for a file without loss.
+    psnr_of_encoding: the PSNR of the decoded frames against the drawn ones; None for a file without loss.
     """
     loss = 0.0 if psnr_of_encoding is None else squared_error(psnr_of_encoding)
     return f"file PSNR {_decibels_text(accuracy, loss)}"
 
 
 def _decibels_text(accuracy: FilmAccuracy, loss: float = 0.0) -> str:
-    """Return the PSNR with its interval. loss: the mean squared error of encoding, which is added."""
+    """Return the PSNR with its interval, as text. loss: the mean squared error of encoding, which is added."""
     errors = [squared_error(each) + loss for each in (accuracy.psnr, *accuracy.interval)]
     value, low, high = (min(psnr(each), MOST_DB) for each in errors)
     if value >= MOST_DB:

@@ -10,8 +10,9 @@ from renderer.scene import FilmScene, OutputFile
 
 
 def limit_notes(scene: FilmScene, record: FilmRecord) -> Iterator[str]:
-    """Yield a sentence on what limits the file of a film, and one where coarser frames would do; none for frames.
+    """Yield a sentence that says what limits the accuracy of an encoded film: drawing or the encoder.
 
+    Yields another sentence before it if coarser frames would do, and nothing for numbered image files.
     scene: the scene of the film, with its goal.
     """
     accuracy = record.accuracy
@@ -27,7 +28,7 @@ def limit_notes(scene: FilmScene, record: FilmRecord) -> Iterator[str]:
 
 
 def _finer_encoding(output: OutputFile, file: FileAccuracy) -> str:
-    """Return what another encoding would give, and what it would cost."""
+    """Return a text on the accuracy that another encoding would give, and on its cost in bytes."""
     finer = file.finer
     if finer is None:
         return "no other setting of its encoder gains 1 dB"
@@ -38,9 +39,9 @@ def _finer_encoding(output: OutputFile, file: FileAccuracy) -> str:
 
 
 def _finer_drawing(scene: FilmScene, record: FilmRecord, psnr: float, kept: float) -> str:
-    """Return which tolerance draws frames that the encoder loses more of, and what it would cost.
+    """Return a text on the tolerance at which the encoder, not drawing, would limit the film, and on its cost in time.
 
-    psnr: of the frames as they were drawn. kept: of the decoded frames, compared with these.
+    psnr: the PSNR of the drawn frames against the truth. kept: the PSNR of the decoded frames against the drawn ones.
     """
     low, high = record.schedule.tolerance
     if high == 0:

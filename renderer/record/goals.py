@@ -24,18 +24,21 @@ from renderer.scene import (
     value_at,
 )
 
+# The hint of errors about a missed goal.
 BEST_EFFORT_HINT = "with --best-effort it is good enough"
 # A frame is in time if its seconds differ from its budget of seconds by at most this fraction of the budget.
 _TIME_MARGIN = 0.2
-# The fraction of a film's frames that may take longer than their budget of seconds without an error.
+# At most this fraction of a film's frames may take longer than their budget of seconds without an error.
 _MAX_LATE_FRACTION = 0.1
 # The steps of a frame whose results later frames can share: the cut, and the primitives and edges of its cells.
 _SHARED_STEPS = ("cut", "primitives", "edges")
-# The chance that a frame that is as exact as requested lies below its interval, which holds in 95 % of cases.
+# The chance that the true PSNR of a frame lies above its interval, which holds the true value in 95 % of cases: the
+# frame may then seem less exact than it is.
 _CHANCE_BELOW_INTERVAL = 0.025
-# The standard deviations by which the number of frames below their intervals may exceed its mean.
+# The number of frames that seem less exact than they are may exceed its mean by this many standard deviations.
 _MAX_DEVIATIONS = 3.0
 
+# The goal of a scene: a number of cells or of seconds for a frame, or an accuracy; None for a tolerance.
 Goal = SplatBudget | TimeBudget | MetricTarget | None
 
 
@@ -58,9 +61,9 @@ def missed_goal(goal: Goal, frames: Sequence[FrameRecord]) -> RenderError | None
 
 
 def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> RenderError | None:
-    """Return the error for frames that exact rays show to be surely less exact than the goal; else None.
+    """Return the error if exact rays show that the film, or too many frames, are surely less exact than the goal.
 
-    The rays also measure the error of rounding to 8 bits, which the goal does not count.
+    None if they are exact enough. The rays also measure the error of rounding to 8 bits, which the goal does not count.
     """
     film = film_accuracy(frames)
     if film is None:
@@ -88,7 +91,7 @@ def _most_missing_by_chance(num_frames: int) -> float:
 def _time_shortfall(goal: TimeBudget, frames: Sequence[FrameRecord]) -> RenderError | None:
     """Return the error if many frames took longer than their budget of seconds; else None.
 
-    Even the coarsest cut may take too long, and the machine may have become slower.
+    There are two causes: even the coarsest cut may take too long, or the machine may have become slower.
     """
     late = [frame for frame in frames if _predicted(frame) > (1 + _TIME_MARGIN) * _budget(goal, frame)]
     if len(late) <= _MAX_LATE_FRACTION * len(frames):

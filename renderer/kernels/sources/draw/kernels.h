@@ -164,8 +164,8 @@ struct Grid {
     Array<const int64_t, 1> starts;
     // The numbers of the bricks over tiles, tile by tile, in draw order.
     Array<const int64_t, 1> numbers;
-    // [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if each pixel
-    // k has ray k alone.
+    // [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if pixel k
+    // has ray k alone.
     Maybe<Array<const int32_t, 2>> places;
     // [rays, 4]: premultiplied RGBA of the rays, or other amounts that they gather.
     Sized<float, 2, 4> rays;
