@@ -1,4 +1,4 @@
-"""Encode some pictures of a film by themselves, to learn its bytes, or whether another encoding keeps more."""
+"""Encode some pictures of a film in a temporary folder, to predict its bytes or to find an encoding that loses less."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from renderer.scene import OutputFile
 
 @contextlib.contextmanager
 def trial_film(output: OutputFile, pictures: Sequence[Picture]) -> Iterator[OutputFile]:
-    """Write a film of these pictures alone to a temporary folder, and yield its output."""
+    """Write a film of these pictures to a temporary folder, and yield the output with the path of this trial film."""
     with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
         film = replace(output, file=Path(folder) / output.file.name, every=1, frame=None)
         with open_films([film], [film.kind]) as write:
@@ -27,16 +27,19 @@ def trial_film(output: OutputFile, pictures: Sequence[Picture]) -> Iterator[Outp
 
 
 def film_bytes(film: OutputFile) -> int:
-    """Return the bytes of a trial film, which is alone in its folder."""
+    """Return the bytes of all files in the folder of a trial film, which has no other files."""
     return sum(file.stat().st_size for file in film.file.parent.iterdir())
 
 
 def try_finer_encoding(
     output: OutputFile, pictures: Sequence[Picture], loss: float, accuracy: FilmAccuracy
 ) -> FinerFile | None:
-    """Return the record of an encoding that keeps more of a film; None where drawing limits it, or nothing gains.
+    """Return the record of an encoding that loses less than that of the film.
 
-    pictures: the first pictures of the film, which are encoded in both ways. loss: that of the film.
+    None if drawing loses more than the encoder, or if no setting of the encoder loses less.
+
+    pictures: the first pictures of the film, which are encoded in both ways. loss: the mean squared error that the
+    film's encoding adds to them.
     """
     if loss <= squared_error(accuracy.psnr):
         return None
@@ -44,7 +47,7 @@ def try_finer_encoding(
     keys = finer_encoding(output, frames, loss)
     if not keys:
         return None
-    # A trial that fails costs no film: a disk that is full, or an ffmpeg without this pixel format.
+    # If the trial fails, because the disk is full or ffmpeg lacks the pixel format, the film is made all the same.
     with contextlib.suppress(HsplatError, OSError):
         finer = replace(output, **keys)
         with trial_film(output, pictures) as film:
