@@ -49,7 +49,7 @@ def encoding_loss(output: OutputFile, num_frames: int, first_frames: Sequence[Pi
     Frames are compared over black. The error of the alpha of transparent frames counts, too, because it is visible over
     other backgrounds.
     """
-    # Imported here: `hsplat check` needs the rest of this file alone.
+    # numpy is imported here because `hsplat check` needs only the other functions of this file.
     import numpy as np
 
     from renderer.film import decode_known_film, over_black
@@ -132,7 +132,7 @@ def finer_drawing(tolerance: float, psnr: float, kept: float) -> tuple[float, fl
 def finer_than_kept(psnr: float, kept: float) -> str | None:
     """Return a note if frames are drawn far more exactly than the encoder keeps them; else None.
 
-    psnr: of the drawn frames against the truth. kept: of the decoded frames against the drawn ones; both in decibels.
+    psnr: the PSNR of the drawn frames against the truth. kept: the PSNR of the decoded frames against the drawn ones.
     """
     if psnr < kept + _TOO_GOOD_DB:
         return None

@@ -143,8 +143,8 @@ def _seen(stage: Stage, view: View, radiance: Float64) -> float:
 def _dark_glance(stage: FilmStage, numbers: Sequence[int], most: float) -> Glance:
     """Return the fault of frames that show too little.
 
-    numbers: of these frames. most: the largest mean difference from the background, as a share of white, of all frames
-    that were looked at.
+    numbers: the numbers of these frames. most: the largest mean difference from the background, as a share of white, of
+    all frames that were looked at.
     """
     *others, last = map(str, numbers)
     which = f"frames {', '.join(others)} and {last} show" if others else f"frame {last} shows"

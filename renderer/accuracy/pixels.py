@@ -90,8 +90,8 @@ def _largest_differences(image: UInt8) -> UInt8:
         part = np.empty((len(rows), _BLOCK * num_columns + 2, num_channels), np.uint8)
         part[:, 1 : width + 1] = image[rows]
         part[:, 0], part[:, width + 1 :] = part[:, 1], part[:, width, None]
-        down = _difference(part[:-1, 1:-1], part[1:, 1:-1])  # from the pixel above
-        across = _difference(part[1:-1, :-1], part[1:-1, 1:])  # from the pixel to the left
+        down = _difference(part[:-1, 1:-1], part[1:, 1:-1])  # the difference of each pixel from the one above
+        across = _difference(part[1:-1, :-1], part[1:-1, 1:])  # the difference of each pixel from the one to its left
         in_rows = down[:-1].reshape(len(blocks), _BLOCK, -1, num_channels).max(axis=1)
         np.maximum(in_rows, down[_BLOCK::_BLOCK], out=in_rows)
         across_rows = across.reshape(len(blocks), _BLOCK, -1, num_channels).max(axis=1)

@@ -98,7 +98,7 @@ class ExactPixels:
 class FrameProber:
     """An object that chooses probes in frames and computes their exact colours.
 
-    stage: of a film in which only the camera moves, or of one frame.
+    stage: the stage of a film in which only the camera moves, or of one frame.
     num_probes: the number of probes of a frame.
     seed: of the choice of pixels, which also depends on the frame's number.
     tolerance: the largest change of a channel at which exact rays count as converged; None to integrate rays once, with

@@ -203,7 +203,7 @@ class _Trials:
     reference: Reference
     draw: Callable[[float, int], Frame]
     on_trial: Callable[[Trial], None]
-    made: dict[tuple[int, int], Trial] = field(default_factory=dict)  # by step and frame
+    made: dict[tuple[int, int], Trial] = field(default_factory=dict)  # the trials by step and frame
 
     @property
     def last(self) -> int:

@@ -37,7 +37,7 @@ def tolerance_ladder(largest_error: float, work: Work, step: float) -> Sequence[
 
 
 def round_tolerances(largest_error: float) -> Iterator[float]:
-    """Yield tolerances of 1, 2 and 5 times powers of ten, from the finest at which the whole volume is one cell down.
+    """Yield falling tolerances of 1, 2 and 5 times powers of ten; at the first, the whole volume is just one cell.
 
     They end after 12 powers of ten. A volume without error is one cell at any tolerance: only 1 is yielded.
     largest_error: the error of the whole volume as a single cell.
@@ -54,7 +54,7 @@ def round_tolerances(largest_error: float) -> Iterator[float]:
 
 def distinct_tolerances(largest_error: float, work: Work, growth: float = _MIN_DISTINCT_GROWTH) -> Iterator[float]:
     """Yield the round tolerances at which clearly more is drawn than at the one before, until nearly all is drawn."""
-    before, everything = 0.0, work(MIN_TOLERANCE)  # below any error that a pyramid can hold
+    before, everything = 0.0, work(MIN_TOLERANCE)  # smaller than any error that a pyramid can hold
     for tolerance in round_tolerances(largest_error):
         amount = work(tolerance)
         if amount > growth * before:

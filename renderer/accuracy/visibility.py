@@ -64,7 +64,7 @@ def _ranges_of(layer: Layer, num_layers: int) -> list[ScalarRange]:
 
 
 def _of_labels(numbers: ScalarRange, styles: Sequence[LabelStyle]) -> ScalarRange:
-    """Return the range of the values of labels from the range of the numbers by which they are shown, from 1 on."""
+    """Return the range of the values of labels. numbers: the range of the numbers, from 1 on, that stand for them."""
     first, last = styles[max(1, round(numbers.low + 0.5)) - 1], styles[min(len(styles), round(numbers.high - 0.5)) - 1]
     names = [f"label {each.value}" + f" ({each.name})" * bool(each.name) for each in (first, last)]
     name = " to ".join(dict.fromkeys(names))
@@ -80,7 +80,7 @@ def visible_ranges(
     lie in one part are joined. lowest, highest: the smallest and the largest scalar of the volume.
     """
     ends = np.concatenate([[-np.inf], transfer.values, [np.inf]])
-    extinctions = np.pad(transfer.extinctions, 1, mode="edge")  # at the ends of intervals
+    extinctions = np.pad(transfer.extinctions, 1, mode="edge")  # the extinctions at the ends of intervals
     is_opaque = np.maximum(extinctions[:-1], extinctions[1:]) > 0
     is_met = (ends[:-1] <= highest) & (lowest < ends[1:]) & (ends[:-1] < ends[1:])
     visible = np.flatnonzero(is_opaque & is_met)

@@ -49,7 +49,7 @@ class Lines:
 
 
 def make_edges(cut: Cut | BrickCut, levels_above: int) -> Lines:
-    """Return the edges of a cut's cells, or of its bricks in the colours of their cells' levels.
+    """Return the edges of the cells of a cut, or of its bricks, whose edges have the level of their cells.
 
     levels_above: the number of levels by which a brick is larger than its cells; 0 to draw cells. Within a level the
     edges are sorted by axis and position.

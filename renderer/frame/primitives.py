@@ -134,7 +134,7 @@ class BrickLOD(LOD):
     batches: Sequence[BrickBatch]
 
     def num_pixels(self, orders: Orders, view: View) -> float:
-        """Return the number of samples in bricks."""
+        """Return the estimated number of samples that rays take in bricks."""
         return sum(num_samples(*each, view) for each in zip(self.batches, orders[0][1], strict=True))
 
 
@@ -146,7 +146,7 @@ class Primitive(ABC):
         for bricks of cells.
     initial_size: the size of a level of detail with which a search on a budget of time begins, enough to show the
         content of a frame.
-    size_ratio: the factor from one size worth trying to the next, which is also the largest change from frame to frame.
+    size_ratio: the factor from one size worth trying to the next, which is also the largest change of the size at once.
     """
 
     lod_type: ClassVar[type[LOD]]

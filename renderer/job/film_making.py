@@ -251,7 +251,7 @@ class FilmInProgress:
     def _tell_cost(self, seconds: float) -> None:
         """Tell the listener the predicted cost of a long pass. seconds: the time to draw and store the frames."""
         if seconds >= _LONG_S:
-            first = self.output.first_pictures  # it lacks the last drawn frame, which is still being stored
+            first = self.output.first_pictures  # without the last drawn frame, which is still being stored
             known = [(each, first[each.file][:NUM_NEIGHBOURS]) for each in self.output.shown if each.file in first]
             sizes = {each.file: film_cost(each, pictures, self.output.frames)[1] for each, pictures in known}
             self.events.predicted(Forecast(seconds, sizes))

@@ -29,8 +29,9 @@ _FEWEST_RAYS = 64
 MOST_RAYS = 4096
 # At most this many frames are measured, evenly spread over a long film.
 _MOST_FRAMES = 240
-# A frame of an encoded film is unusual if its squared error, and its loss since it was recorded, are more than this
-# many times those of most frames. Both count as at least the error of rounding to 8 bits.
+# A frame of an encoded film is unusual if its squared error, and the squared error that it gained since it was
+# recorded, are more than this many times as large as usual in the film. The usual errors count as at least that of
+# rounding to 8 bits.
 _UNUSUAL = 4.0
 # A frame counts as hardly worse than another one, or than its record, if its squared error is at most this many times
 # as large.

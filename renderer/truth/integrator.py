@@ -198,7 +198,7 @@ def index_rays(volume: Volume, view: View, places: Float64, point_world: Float64
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     origins, directions, starts = rays_through(point, view, places)
     parts = keep_parts(view, point, origins, directions, starts)
-    if volume.mask is not None:  # lengths along rays are those of the world in all grids
+    if volume.mask is not None:  # its parts fit, as lengths along rays are world lengths in all grids
         parts = _parts_inside(volume.mask, index_rays(volume.mask, view, places, point))
     origins = (origins + (point - volume.centre)) @ index_from_world.T + volume.centre_index
     return IndexRays(origins, directions @ index_from_world.T, parts, removed=())
@@ -238,6 +238,6 @@ def rays_through(point_world: Float64, view: View, places: Float64) -> tuple[Flo
         origins = np.stack([x, y, np.full_like(x, -depth)], axis=1) - point
         return origins @ view.axes, np.broadcast_to(view.forward, origins.shape), np.full(x.shape, view.near - depth)
     direction = np.stack([x, y, np.full_like(x, -1.0)], axis=1)
-    length = np.linalg.norm(direction, axis=1)  # world length per unit of depth
+    length = np.linalg.norm(direction, axis=1)  # the length along a ray for a depth of 1
     origins = depth * direction - point
     return origins @ view.axes, direction / length[:, None] @ view.axes, (view.near - depth) * length

@@ -131,7 +131,7 @@ def shading_of(spec: ShadingSpec, grid: LightGrid, volume: Volume, scale: float)
         face_depth=FACE_DEPTH * volume.finest_spacing,
         light=light / np.linalg.norm(light),
         world_from_index=np.linalg.inv(index_from_world),
-        world_from_gradient=index_from_world.T,  # the transposed inverse of the map of points
+        world_from_gradient=index_from_world.T,  # the transposed inverse of the matrix for points
         factors=_gradient_factors(spec.gradient_opacity or (), scale),
         grid=grid,
     )

@@ -58,7 +58,9 @@ class Atlas:
         self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1 for a brick that is not in the atlas
         self._key_from_slot = np.empty(0, np.int64)  # -1 for a free slot
         self._next_use = np.empty(0, np.int64)
-        self._last_used = np.empty(0, np.int64)  # among bricks without a known next use, the oldest is evicted
+        # The number of the upload that last used each slot. Of bricks without a known next use, the one with the lowest
+        # number is evicted.
+        self._last_used = np.empty(0, np.int64)
         self._use_counter = 0
 
     def texel_offsets(self, slots: Int64) -> Int64:
@@ -92,7 +94,7 @@ class Atlas:
         self._next_use[slots[slots >= 0]] = next_use[slots >= 0]
 
     def upload(self, keys: Int64, make_texels: Callable[[Int64], Float32], next_use: Int64 | None = None) -> Int64:
-        """Upload those bricks of `keys` that are missing, and return the slots of all bricks of `keys`: int64 [n].
+        """Upload the missing ones of some bricks, and return the slots of all of these bricks: int64 [n].
 
         keys: int64 [n], all different; at most as many as there are slots. make_texels: returns the texels of missing
         bricks, float32 [m, ...], from their indices in `keys`; several threads call it. If it raises, the bricks
@@ -102,7 +104,7 @@ class Atlas:
         self._use_counter += 1
         slots = self._slot_from_key[keys]
         missing = np.flatnonzero(slots < 0)
-        self._next_use[slots[slots >= 0]] = -1  # before the eviction, so that none of these bricks is evicted
+        self._next_use[slots[slots >= 0]] = -1  # so that none of these bricks is evicted
         if len(missing):
             free = np.lexsort((self._last_used, -self._next_use))[: len(missing)]
             evicted = self._key_from_slot[free]

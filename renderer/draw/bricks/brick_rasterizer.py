@@ -130,7 +130,7 @@ class BrickRasterizer(Rasterizer):
     def _caches_of(self, batches: Sequence[BrickBatch]) -> list[BrickCache]:
         """Return the caches of the layers of batches, which share the memory, and free the caches of other layers."""
         shown = {id(batch.bricks): batch for batch in batches}
-        for number in [number for number in self.caches if number not in shown]:  # of another frame or film
+        for number in [number for number in self.caches if number not in shown]:  # caches of another frame or film
             self.caches.pop(number).release()
         drawn = {number: drawn_bytes(batch) for number, batch in shown.items()}
         if not all(number in self.caches and _have_room(self.caches[number], drawn[number]) for number in shown):

@@ -24,7 +24,7 @@ class RecoveringRasterizer(Rasterizer):
 
     def __init__(self, make: Callable[[], SplatRasterizer] = SplatRasterizer) -> None:
         self._make, self._current, self._num_lost = make, make(), 0
-        self._last_loss: ContextLostError | None = None  # set if no context is left
+        self._last_loss: ContextLostError | None = None  # the error of the last loss, if no context is left
         self.device = self._current.device
 
     def release(self) -> None:
@@ -47,7 +47,7 @@ class RecoveringRasterizer(Rasterizer):
         try:
             return self._current.rasterize(batches, orders, view)
         except ContextLostError as lost:
-            self._current.release()  # before the new one, because memory may not suffice for two contexts
+            self._current.release()  # first, because memory may not suffice for two contexts
             self._current = self._make_replacement(lost)
             self._num_lost += 1
         return self._current.rasterize(batches, orders, view)

@@ -118,7 +118,7 @@ class SplatRasterizer(Rasterizer):
                     yield
                     self._context.gc()
                 finally:
-                    got = self._context.error  # read in any case, so that the next picture starts without an error
+                    got = self._context.error  # read even after an exception, to clear it for the next picture
         except moderngl.Error as error:
             raise self._context_lost_error(str(error)) from error
         if got != "GL_NO_ERROR":
@@ -273,7 +273,7 @@ def _create_context() -> Any:
         settings: dict[str, Any] = {"backend": "egl", "device_index": device}
         try:
             context = moderngl.create_context(require=330, standalone=True, **settings)
-        except Exception as error:  # the loader raises nothing more specific
+        except Exception as error:  # moderngl raises nothing more specific
             failures.append(error)
             continue
         context.gc_mode = "context_gc"  # `gc` frees objects without references

@@ -17,6 +17,6 @@ void main() {
     float square = dot(deviations, deviations);
     if (square > cutoff * cutoff) discard;
     float weight = exp(-decay * square) * (coefficients.x + square * (coefficients.y + square * coefficients.z));
-    float alpha = opacity_of_depth(splat_color_depth.w * max(weight - rim, 0.0));  // rounding may make it negative
+    float alpha = opacity_of_depth(splat_color_depth.w * max(weight - rim, 0.0));  // rounding may make the difference negative
     color = vec4(splat_color_depth.rgb * alpha, alpha);
 }

@@ -4,7 +4,7 @@
 in vec2 mesh_vertex;             // position in the footprint, in standard deviations
 in float mesh_weight;
 
-out vec4 vertex_color;           // premultiplied
+out vec4 vertex_color;           // premultiplied RGBA
 
 void main() {
     Footprint footprint = project();

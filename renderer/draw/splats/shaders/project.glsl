@@ -7,14 +7,14 @@ layout(std140) uniform Shapes {
     // Three vectors for each shape: right, up and depth components of the standard deviations along the cell's three edges.
     vec4 shape_rows[3 * MAX_SHAPES];
 };
-uniform mat3 view_rotation;      // model to (right, up, depth)
+uniform mat3 view_rotation;      // from model axes to right, up and depth axes
 uniform vec3 view_translation;
 uniform bool perspective;
 uniform float scale_px;          // focal length in pixels, or pixels per model unit if the view is orthographic
-uniform vec2 size_px;            // of the picture
-uniform vec2 tile_px;            // size of a tile
+uniform vec2 size_px;            // width and height of the picture, in pixels
+uniform vec2 tile_px;            // width and height of a tile, in pixels
 uniform vec2 corner_px;          // first column and row of the tile
-uniform float near_beyond_origin; // depth of the near plane behind the model's origin
+uniform float near_beyond_origin; // depth of the near plane minus that of the model's origin
 uniform vec2 slope_limit;        // steepest x / depth and y / depth at which footprints are computed
 uniform float min_sigma_px;      // smallest standard deviation of a footprint
 
@@ -69,7 +69,7 @@ Footprint project() {
         float bell = exp(-0.5 * a * a);
         mass = a > 0.0 ? 0.5 * bell * scaled : 1.0 - 0.5 * bell * scaled;
         float hazard = a > 0.0 ? 0.79788456 / scaled : 0.39894228 * bell / mass;
-        float lost = clamp(hazard * (hazard - a), 0.0, 1.0);  // of the variance in depth
+        float lost = clamp(hazard * (hazard - a), 0.0, 1.0);  // the share of the variance in depth that is cut off
         vec3 toward = away / sigma;
         position += vec3(dot(right, toward), dot(up, toward), sigma) * hazard;
         vec3 shrink = (1.0 - sqrt(1.0 - lost)) * toward;

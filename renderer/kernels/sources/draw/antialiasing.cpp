@@ -77,9 +77,9 @@ Status spread_contrasts(const SpreadContrasts* arguments) {
     return DONE;
 }
 
-// Mark, for many rays, the neighbours of those of some pixels that lie on a thin line. On a line, a channel is larger than
-// in both pixels on opposite sides, or smaller than in both, by more than a threshold. The line may go on in the neighbours
-// between their few rays, which then do not meet it.
+// Find the pixels, among some, that lie on a thin line, and mark their neighbours for 16 rays: the line may go on in the
+// neighbours, between their few rays. A pixel lies on a line if a channel is larger than in both pixels on opposite sides,
+// or smaller than in both, by more than a threshold.
 Status follow_lines(const FollowLines* arguments) {
     const auto [image, threshold, pixels, marks] = *arguments;
     int64_t num_rows = image.shape[0], num_columns = image.shape[1];

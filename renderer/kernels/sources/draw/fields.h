@@ -272,7 +272,7 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
         return false;
     if (!field.light.exists) return true;
     const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = field.light.value.grid;
-    int64_t num_corners = 2;  // two for each cell and grid, and two more
+    int64_t num_corners = 2;  // two for each cell of each grid, and two more
     if ((float)occlusion_strength > 0.0f) num_corners += 2 * occlusion.size();
     if ((float)shadow_strength > 0.0f) num_corners += 2 * shadow.size();
     return corners.shape[0] == 0 || corners.shape[0] >= num_corners;

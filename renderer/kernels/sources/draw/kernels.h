@@ -106,7 +106,7 @@ struct MarkContrasts {
 };
 KERNEL(mark_contrasts, MarkContrasts)
 
-// Mark those neighbours of some pixels that differ from the pixel and have no mark. Members as in MarkContrasts.
+// Mark neighbours of some pixels, if they differ from the pixel and have no mark. Members as in MarkContrasts.
 struct SpreadContrasts {
     Sized<const float, 3, 4> image;
     float threshold;
@@ -116,7 +116,7 @@ struct SpreadContrasts {
 };
 KERNEL(spread_contrasts, SpreadContrasts)
 
-// Mark the neighbours of those of some pixels that lie on a thin line. Members as in SpreadContrasts.
+// Find the pixels, among some, that lie on a thin line, and mark their neighbours. Members as in SpreadContrasts.
 struct FollowLines {
     Sized<const float, 3, 4> image;
     // A pixel lies on a line if a channel is larger than in both pixels on opposite sides by more than this, or smaller.

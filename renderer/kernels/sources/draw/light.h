@@ -67,7 +67,7 @@ INLINE Arriving arriving_shares(const Light& light, const Three& texel, const fl
     const LightGrid& grid = light.grid;
     if (grid.corners.shape[0] > 0) {
         float occlusion_strength = (float)grid.occlusion_strength, shadow_strength = (float)grid.shadow_strength;
-        const auto& nums = (occlusion_strength > 0.0f ? grid.occlusion : grid.shadow).shape;  // along z, y, x
+        const auto& nums = (occlusion_strength > 0.0f ? grid.occlusion : grid.shadow).shape;  // the number of cells along z, y, x
         auto place_along = [&](Floats along, int axis) {
             Floats place = max_of(in_all<Floats>(0.5f), fma(along, (float)(1.0 / grid.cell_size), origin[axis]));
             return min_of(place, in_all<Floats>((float)nums[2 - axis] - 1.5f));

@@ -173,7 +173,7 @@ INLINE RangeOf<V> cross_box(const Array<const double, 2>& slabs, HeightsOf heigh
 // where rays enter and leave a box, as `cross_box`.
 template <class V, class Removed>
 INLINE RangeOf<V> first_part(RangeOf<V> range, int64_t num_boxes, Removed removed) {
-    for (int64_t again = 0; again < num_boxes; again++) {  // behind a box may be another one
+    for (int64_t again = 0; again < num_boxes; again++) {  // again, because another box may begin where one ends
         for (int64_t box = 0; box < num_boxes; box++) {
             auto [enter, leave] = removed(box);
             range.enter = where(mask_of(enter <= range.enter) & mask_of(range.enter < leave), leave, range.enter);

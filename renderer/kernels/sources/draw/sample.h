@@ -141,7 +141,7 @@ INLINE Mask has_data(Floats texel) { return mask_of((float32_to_bits(texel) & 1)
 
 // Return whether the texel nearest to each sample has data; `at` is the lowest of the eight texels around the sample.
 INLINE Mask are_present(const Texels& texels, Ints at, const Three& shares) {
-    // There are no products here: the compiler would multiply each lane on its own.
+    // Products are avoided here, because the compiler would compute them lane by lane.
     auto beyond = [](Floats share, int32_t stride) {
         return where(mask_of(share + 0.5f >= 1.0f), in_all<Ints>(stride), in_all<Ints>(0));
     };
@@ -165,7 +165,7 @@ INLINE Floats share_of_data(const Texels& texels, Mask are_divided, Floats numbe
     for (int k = 0; k < NUM_PARTS; k++) {
         Three shares;
         Ints at = cell_at(numbers + (float)((k + 0.5) / NUM_PARTS - 0.5) * width, first, step, shares);
-        at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // for lanes without a ray
+        at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // lanes without a ray may be anywhere
         share += where(are_divided & are_present(texels, at, shares), in_all<Floats>(1.0f / NUM_PARTS), zero);
     }
     return share;

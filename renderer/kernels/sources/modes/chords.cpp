@@ -97,7 +97,7 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
 // Write the world lengths of the parts of rays that are inside the volume's box and its clip region.
 Status measure_chords(const MeasureChords* arguments) {
     const auto [rays, shape, positions_px, absent, unit, lengths] = *arguments;
-    const auto& [slabs, boxes] = rays.clip.value;  // empty ones for None
+    const auto& [slabs, boxes] = rays.clip.value;  // both are empty if nothing clips the volume
     for (int axis = 0; axis < 3; axis++)
         if (absent.exists && absent.value.shape[2 - axis] != shape[axis]) return OUT_OF_BOUNDS;
     const double half[3] = {shape[0] / 2.0, shape[1] / 2.0, shape[2] / 2.0};
