@@ -1,6 +1,6 @@
 """Lays out the charts of a study: error over cost, with a curve for each series of settings, and the Pareto front.
 
-The Pareto front has the settings than which no other setting is both cheaper and more exact.
+The Pareto front has the best settings: no other setting is both cheaper and more exact than one of them.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ class _Openers(NamedTuple):
 def run_study(request: StudyRequest, reporter: Reporter) -> None:
     """Measure all settings, write the report and print its table.
 
-    After an interrupt or an error, the finished measurements are reported, and it is raised again.
+    After an interrupt or an error, the finished measurements are reported; then the exception is raised again.
     """
     _require_all(request)
     with locked_files([request.folder / name for name in REPORT_FILES]):

@@ -1,8 +1,8 @@
-"""Accuracy: how exact pictures are, and at which tolerance they are as exact as wanted.
+"""Measure how exact pictures are, and find the tolerances at which they are as exact as wanted.
 
 In: a stage, and frames that are drawn. Out: metrics against whole exact pictures (PSNR; SSIM, Wang et al. 2004; FLIP,
-Andersson et al. 2020), or an estimate from a few exact rays, with an interval; tolerances. What is drawn without a
-wanted accuracy does not depend on it.
+Andersson et al. 2020), or an estimate from a few exact rays, with an interval; tolerances. Pictures depend on this room
+only if the scene asks for an accuracy.
 
 - `pixels.py`: the choice of the pixels that get exact rays; `prober.py`: the number of rays of a frame, and the errors
   of its pixels; `estimate.py`: the estimate and its interval; `decibels.py`: from errors to decibels and back.

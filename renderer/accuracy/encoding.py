@@ -39,7 +39,8 @@ _LUMA = (0.2126, 0.7152, 0.0722)
 _LARGE_CHROMA_SHARE = 0.4
 # The quality of an output, from 0 to 10, is raised by this much for a finer encoding: for H.264, 2.8 dB.
 _QUALITY_STEP = 2.0
-# The constant rate factor of an output is lowered by this much for a finer encoding, about as much as _QUALITY_STEP.
+# The constant rate factor of an output is lowered by this much for a finer encoding: it gains about as much as
+# _QUALITY_STEP.
 _CRF_STEP = 6.0
 
 
@@ -122,8 +123,8 @@ def typical_kept_psnr(output: OutputFile) -> float:
 def finer_drawing(tolerance: float, psnr: float, kept: float) -> tuple[float, float]:
     """Return the tolerance at which the encoder, not drawing, limits a film, and the factor by which the time grows.
 
-    tolerance, psnr: of the frames as they were drawn. kept: the PSNR of the decoded frames against the drawn ones, in
-    decibels.
+    tolerance, psnr: the tolerance of the drawn frames, and their PSNR against the truth. kept: the PSNR of the decoded
+    frames against the drawn ones, in decibels.
     """
     finer = tolerance * typical_tolerance(kept + _GOOD_ENOUGH_DB) / typical_tolerance(psnr)
     return float(f"{finer:.1g}"), (tolerance / finer) ** _TIME_POWER

@@ -195,7 +195,7 @@ def _ssim_map(picture: FloatImage, means: PixelMeans) -> Array:
     if min(picture.shape[:2]) < SSIM_WINDOW_PX:
         return np.full(picture.shape[:2], np.nan)
     total = np.zeros(picture.shape[:2])
-    # Contiguous channels: the filters take twice as long along strided rows.
+    # Each channel is copied to contiguous memory, because filters take twice as long along strided rows.
     for channel in range(3):
         _, similarity = structural_similarity(
             np.ascontiguousarray(picture[..., channel]),

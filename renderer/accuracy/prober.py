@@ -43,7 +43,7 @@ _MIN_PROBES_OF_PATH = 512
 class Probe:
     """The result of the probes of a frame.
 
-    samples: of the squared error.
+    samples: a summary of the squared errors of probes.
     largest_error: the largest error of a channel at a probe, in [0, 1]; at edges it is too large, as rays are few.
     visible: the opacity that each of the `scalar_ranges` adds to the mean opacity of the picture; empty in modes that
         show a number of a ray in place of light.

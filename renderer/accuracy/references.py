@@ -34,7 +34,7 @@ class ExactRays:
 
     def __init__(self, film: FilmStage, want: MetricTarget, *, num_threads: int) -> None:
         self.want, self._prober = want, FrameProber(film.first, NUM_SAMPLED_PIXELS, num_threads=num_threads)
-        self._exact: dict[int, ExactPixels] = {}  # by frame
+        self._exact: dict[int, ExactPixels] = {}  # the exact pixels of each frame so far
         self.shows_volume = False  # whether any of the pictures shows the volume
 
     def compare(self, frame: Frame) -> tuple[float, float]:
@@ -59,7 +59,7 @@ class ExactPictures:
 
     def __init__(self, want: MetricTarget, find_truth: Callable[[int], Truth]) -> None:
         self.want, self._find_truth = want, find_truth
-        self._truths: dict[int, Truth] = {}  # by frame
+        self._truths: dict[int, Truth] = {}  # the exact picture of each frame so far
 
     @property
     def shows_volume(self) -> bool:
