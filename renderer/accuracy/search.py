@@ -29,8 +29,8 @@ from renderer.scene import AnnotationSpec, FilmScene, MetricTarget, counted, wit
 # A key frame counts as good enough if its estimated error plus this many standard deviations is small enough. With it,
 # more than nine of ten frames are.
 _MARGIN = 1.5
-# A frame between two key frames counts as good enough if its estimated error plus this many standard deviations is small
-# enough.
+# A frame between two key frames counts as good enough if its estimated error plus this many standard deviations is
+# small enough.
 _MARGIN_BETWEEN = 0.5
 # The number of key frames with which the search begins.
 _NUM_KEYS = 8

@@ -20,8 +20,8 @@ from renderer.volume import Bools
 
 T = TypeVar("T")
 
-# The rays of a truth count as converged if halving their step changes no channel, in [0, 1], by this much. Their errors
-# were then 119 dB; that a pixel is the mean of few rays causes far more.
+# The rays of a truth count as converged if halving their step changes no channel, in [0, 1], by this much. Rays then
+# had errors of 119 dB. The errors of pixels are far larger, because each is the mean of a few rays.
 TRUTH_TOLERANCE = 1e-4
 # The number of pixels with exact rays in a frame without a whole truth: its PSNR is then known to about 1 dB.
 NUM_SAMPLED_PIXELS = 1024

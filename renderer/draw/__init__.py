@@ -22,7 +22,7 @@ premultiplied RGBA without a background. Each footprint, splats or bricks, has i
 - `bricks/brick_cache.py`: keeps the texels of bricks.
 - `bricks/grid.py`: divides the picture into tiles, and finds the bricks over each.
 - `bricks/bands.py`: joins tiles whose bricks fit into the caches at once.
-- `bricks/antialiasing.py`: draws several rays in pixels whose colour one ray cannot tell.
+- `bricks/antialiasing.py`: draws several rays in pixels whose colour a single ray does not give.
 - `bricks/subsampling.py`: interpolates between pixels that are drawn.
 - `bricks/field.py`: the field of scalars that samples are taken from, and its colours.
 - `bricks/light.py`: light and extinction that depend on the view or on gradients.

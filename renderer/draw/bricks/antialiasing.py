@@ -1,4 +1,4 @@
-"""Draw several rays in the pixels of a picture whose colour one ray cannot tell, and take the mean of the rays.
+"""Find the pixels whose colour a single ray does not give, draw several rays in each, and take their mean.
 
     one ray a pixel; where cells are smaller than a pixel, one more ray somewhere in every other pixel
     -> pixels that differ from a neighbour: 4 rays; neighbours that differ then: 4 rays, and so on
@@ -42,7 +42,7 @@ _MARKED_FOR_MANY = 4
 
 
 def antialias(image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, threads: ThreadPool) -> None:
-    """Replace each pixel that needs several rays by their mean. image: float32 [h, w, 4], changed in place."""
+    """Replace each pixel that needs several rays by the mean of these. image: float32 [h, w, 4], changed in place."""
     few, many = RAYS_ACROSS
     marks = np.zeros(image.shape[:2], np.uint8)
     mark = kernels().mark_contrasts.partial(image=image, threshold=sampling.contrast_threshold, marks=marks)

@@ -147,7 +147,7 @@ class BrickRasterizer(Rasterizer):
     def _fit(self, drawn: Shares, shares: Shares, limit: int) -> bool:
         """Return whether the caches can stay, and new ones be added for other layers.
 
-        All together must take at most `limit`. In none may an atlas have less than half of the bytes that it could have
+        All caches together must take at most `limit`. No atlas may have less than half of the bytes that it could have
         for the bricks that are drawn.
         """
         taken = [self.caches[number].num_bytes if number in self.caches else own for number, own in shares.items()]
