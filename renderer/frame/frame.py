@@ -17,7 +17,7 @@ from renderer.modes import chord_lengths
 from renderer.view import View
 from renderer.volume import Float32, Float64
 
-# The name of the step that uploads bricks missing in the cache. It also serves later frames.
+# The name of the step that uploads bricks missing in the cache, which later frames use, too.
 UPLOAD_STEP = "bricks"
 
 
@@ -72,7 +72,7 @@ class Frame:
     predicted_seconds: float | None = None
 
     def radiance_with_lines(self) -> Float32:
-        """Return the radiance with the lines drawn over it, or the radiance itself where there are none."""
+        """Return the radiance with the lines drawn over it, or the radiance itself if there are no lines."""
         image = self.radiance.copy() if self.lines else self.radiance
         for lines in self.lines:
             draw_lines(lines, self.view, image)

@@ -1,4 +1,4 @@
-// Premultiplied colour of a Gaussian footprint at a pixel's centre (splats.GaussianFootprint).
+// Compute the premultiplied colour of a Gaussian footprint at a pixel's centre (splats.GaussianFootprint).
 
 uniform float cutoff;
 uniform float decay;

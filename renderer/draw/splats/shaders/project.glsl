@@ -34,7 +34,8 @@ struct Footprint {
     bool visible;
 };
 
-// exp(x^2) erfc(x) for x >= 0, relative error below 1.2e-7 (Press et al., "Numerical Recipes", 6.2, Chebyshev fit).
+// Return exp(x^2) erfc(x) for x >= 0, with a relative error below 1.2e-7 (Press et al., "Numerical Recipes", 6.2, Chebyshev
+// fit).
 float scaled_erfc(float x) {
     float t = 1.0 / (1.0 + 0.5 * x);
     float p = -0.82215223 + t * 0.17087277;
