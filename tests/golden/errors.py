@@ -1,9 +1,10 @@
 """Measure how far golden frames of bricks are from exact pictures, in which a pixel is the mean over its area.
 
 `python tests/golden/errors.py BEFORE` prints a table with the PSNR of each golden frame and of the earlier picture of
-the same name in the folder BEFORE. docs/benchmarks/goldens.md has it. The folder is made, for example, by
+the same name in the folder BEFORE. docs/benchmarks/goldens.md has the table. Earlier pictures come from Git:
 
     git archive COMMIT tests/golden/frames | tar x -C FOLDER
+    python tests/golden/errors.py FOLDER/tests/golden/frames
 
 Transparent frames are compared over black. Pixels under an annotation are left out. Frames with the lines of the octree
 are not measured: their lines cover them.
