@@ -130,7 +130,7 @@ def _what_vtk_lacks(scene: Scene) -> list[tuple[str, object, str]]:
             "it multiplies opacities by factors, hsplat extinctions",
         ),
         ("shading", shading.has_light_grid, "it has neither this occlusion nor these shadows"),
-        ("output.background", len(scene.output.background or ()) == 2, "it has one colour"),
+        ("output.background", len(scene.background or ()) == 2, "it has one colour"),
         ("volumes", others, "it would draw the first alone"),
         ("volume.component", layer.volume.has_colors, "it would draw luminance or alpha alone"),
         ("labels", transfer.labels, "it would interpolate their numbers"),
@@ -253,7 +253,7 @@ class Look:
 def look_of(scene: Scene, volume: Volume) -> Look:
     """Return what VTK draws the volume of a scene with."""
     transfer = make_transfer_function(scene.layers[0].transfer_function, volume.finest_spacing)
-    return Look(transfer, scene.output.background, scene.mode, scene.layers[0].shading)
+    return Look(transfer, scene.background, scene.mode, scene.layers[0].shading)
 
 
 def measure_vtk(

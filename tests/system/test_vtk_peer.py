@@ -233,7 +233,7 @@ def best_psnr(scene: Scene, volume: Volume) -> dict[str, float]:
     width, height = view.size
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volumes=[volume]) as stage:
         rays = SceneRays(stage).integrate(view, pixel_centres(view.size), 0.25).reshape(height, width, 4)
-    right = Truth(0, known(over_background(rays, scene.output.background)), rays[..., 3] > 0, CONVERGENCE)
+    right = Truth(0, known(over_background(rays, scene.background)), rays[..., 3] > 0, CONVERGENCE)
     chosen = [each for each in vtk_settings(scene.mode) if each in FINEST]
     found = measure_vtk(volume, look_of(scene, volume), [view], [right], settings=chosen, repeats=0)
     return {each.setting.mapper: each.overall.everywhere["psnr"] for each in found}
