@@ -6,7 +6,8 @@ units of the finest spacing, with the origin at the volume's centre, because VTK
 VTK's volume ends at the outer voxel centres, hsplat's half a voxel further out. `comparable` hides the difference.
 
 VTK's results include the errors of its look-up tables for the transfer function, of 15 bits of opacity in the
-fixed-point mapper, and of 8-bit frames, which alone limit the PSNR to 59 dB on the pixels that a volume covers.
+fixed-point mapper, and of 8-bit frames, which alone limit the PSNR to 59 dB on the pixels that a volume covers, where
+a pixel has one ray.
 """
 
 from __future__ import annotations
@@ -30,10 +31,16 @@ from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
 
-# Sample distances, in units of the finest spacing.
-_SAMPLE_DISTANCES = (0.5, 1.0, 2.0, 4.0)
-# Of n x n pixels each mapper draws one.
-_IMAGE_REDUCTIONS = {"gpu": (1, 2), "fixed point": (1, 2, 4)}
+# Steps along the ray, in units of the finest spacing, by the rays along a side of a pixel.
+_STEPS: dict[float, tuple[float, ...]] = {
+    1 / 4: (0.5, 1.0, 2.0, 4.0),
+    1 / 2: (0.5, 1.0, 2.0, 4.0),
+    1: (0.5, 1.0, 2.0, 4.0),
+    2: (0.5, 1.0, 2.0),
+    4: (0.5, 1.0),
+}
+# The fewest rays along a side of a pixel of each mapper.
+_FEWEST_ACROSS = {"gpu": 1 / 2, "fixed point": 1 / 4}
 
 # Both mappers draw these types without conversion.
 _NATIVE_DTYPES = ("int8", "uint8", "int16", "uint16", "float32")
@@ -56,7 +63,7 @@ _SAME_GRAY = 0.5 / 255
 
 _NOTE = (
     "VTK's frames have 8 bits, and hsplat's are compared before they are rounded to that; the rounding alone limits a "
-    "picture to about 59 dB where the volume is visible"
+    "picture of one ray a pixel to about 59 dB where the volume is visible"
 )
 _LIGHT_NOTE = (
     "highlights of VTK's GPU mapper are Phong's, of a quarter of the shininess, by which narrow ones are the same; its "
@@ -68,16 +75,21 @@ _NEAREST_PART = 1e-4
 
 
 class VtkSetting(NamedTuple):
-    """A setting of VTK: a mapper, its step along the ray in units of the finest spacing, and one of n x n pixels."""
+    """A setting of VTK: a mapper, its step along the ray in units of the finest spacing, and its rays.
+
+    rays_across: the rays along a side of a pixel: 2 and 4 for a window of so many times the width and height, whose
+    pixels are averaged, and 1/2 and 1/4 for a ray in each square of 2 x 2 or 4 x 4 pixels.
+    """
 
     mapper: str
     sample_distance: float
-    image_reduction: int = 1
+    rays_across: float = 1
 
     @property
     def name(self) -> str:
-        """Return such as `gpu, step 0.5` or `fixed point, 1/4 px, step 1`."""
-        pixels = f", 1/{self.image_reduction**2} px" if self.image_reduction > 1 else ""
+        """Return such as `gpu, step 0.5`, `gpu, 4 rays, step 1` or `fixed point, 1/4 px, step 1`."""
+        rays = self.rays_across
+        pixels = f", {rays**2:g} rays" if rays > 1 else f", 1/{rays**-2:g} px" if rays < 1 else ""
         return f"{self.mapper}{pixels}, step {self.sample_distance:g}"
 
 
@@ -100,13 +112,14 @@ class VtkMeasurement(NamedTuple):
 
 
 def vtk_settings(mode: ModeSpec) -> list[VtkSetting]:
-    """Return the settings of all mappers with a mode from fine to coarse: steps along the ray, and fewer pixels."""
+    """Return the settings of all mappers with a mode that may be the fastest for some accuracy."""
     return [
-        VtkSetting(mapper, distance, reduction)
-        for mapper, reductions in _IMAGE_REDUCTIONS.items()
+        VtkSetting(mapper, step, across)
+        for mapper, fewest in _FEWEST_ACROSS.items()
         if mapper == "gpu" or mode.type != "mean"
-        for reduction in reductions
-        for distance in _SAMPLE_DISTANCES
+        for across, steps in _STEPS.items()
+        if across >= fewest
+        for step in steps
     ]
 
 
