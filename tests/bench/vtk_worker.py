@@ -166,7 +166,8 @@ def _draw(window: Any, renderer: Any, across: int) -> tuple[Picture, float]:
 def _averaged(picture: Picture, across: int) -> npt.NDArray[np.float32]:
     """Return the mean of each square of across x across pixels.
 
-    For 2048 x 2048 pixels this takes 5 ms of a processor, and `reshape` with `mean` 66 ms.
+    For 2048 x 2048 pixels this takes 6 ms of a processor, and `reshape` with `mean` 66 ms. It is 0.2 to 0.6 % of the
+    time of a frame.
     """
     rows: Any = sum(picture[k::across].astype(np.uint16) for k in range(across))
     return sum(rows[:, k::across] for k in range(across)) / np.float32(across**2)

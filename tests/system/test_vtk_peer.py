@@ -130,7 +130,7 @@ def test_coarse_settings_are_worse() -> None:
     right = truth(volume, transfer(), view)
     found = list(measure_vtk(volume, Look(transfer(), BACKGROUND), [view], [right], settings=settings, repeats=3))
     assert [each.setting for each in found] == settings
-    assert all(len(each.seconds[0]) == 3 and min(each.seconds[0]) > 0 for each in found)
+    assert all(1 <= len(each.seconds[0]) <= 3 and min(each.seconds[0]) > 0 for each in found)
     for fine, coarse, quarter in (found[:3], found[3:]):
         psnrs = [each.overall.everywhere["psnr"] for each in (coarse, quarter)]
         assert max(psnrs) < fine.overall.everywhere["psnr"] - 3, fine.setting
@@ -156,7 +156,7 @@ def test_more_rays_are_nearer_to_the_area_that_an_edge_covers() -> None:
 def test_settings_are_named_by_their_rays() -> None:
     names = [each.name for each in vtk_settings(scene_of().mode)]
     assert len({*names}) == len(names)
-    assert {"gpu, step 0.5", "gpu, 4 rays, step 1", "fixed point, 16 rays, step 0.5"} <= {*names}
+    assert {"gpu, step 0.5", "gpu, 4 rays, step 0.25", "fixed point, 16 rays, step 0.5"} <= {*names}
     assert {"gpu, 1/4 px, step 4", "fixed point, 1/16 px, step 2"} <= {*names}
 
 
