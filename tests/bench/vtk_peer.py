@@ -32,8 +32,8 @@ from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
 
 # Steps along the ray, in units of the finest spacing, by mapper and by the rays along a side of a pixel. Left out are
-# settings that were slower than others as exact, in frames of engine and bonsai, projections and light included: with
-# more rays the coarse steps, and steps of 0.25 except by the GPU mapper with 4 and 16 rays, which gain up to 7 dB.
+# settings that were slower than others as exact, in frames of engine and bonsai: coarse steps with more rays, in
+# projections and light, too, and steps of 0.25 except by the GPU mapper with 4 and 16 rays, which gain up to 7 dB.
 _STEPS: dict[str, dict[float, tuple[float, ...]]] = {
     "gpu": {
         1 / 4: (2.0, 4.0),
