@@ -113,6 +113,8 @@ def test_pictures_do_not_depend_on_threads_and_memory(num_threads: int, monkeypa
     batch, view = batch_of(volume), turned(volume, 10.0, voxels_per_px=0.5, size=(90, 90))
     with BrickRasterizer(num_threads=2) as rasterizer:
         expected = alphas(rasterizer, batch, view)
+        num_rays = rasterizer.num_rays
     monkeypatch.setattr("renderer.draw.bricks.antialiasing._PIXELS_AT_ONCE", 17)
     with BrickRasterizer(num_threads=num_threads) as rasterizer:
         assert alphas(rasterizer, replace(batch), view).tobytes() == expected.tobytes()
+        assert rasterizer.num_rays == num_rays > 90 * 90

@@ -18,7 +18,9 @@ from renderer.volume import Float32, UInt32
 
 
 class WithoutUploads:
-    """The part of a rasteriser that keeps nothing between pictures."""
+    """The part of a rasteriser that keeps nothing between pictures, and draws no rays."""
+
+    num_rays = 0
 
     def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
         """Upload nothing."""
