@@ -388,7 +388,7 @@ def _cost_of_lattices(screen_sampling: ScreenSampling) -> float:
     for stride in others:
         differing = min(1.0, _DIFFERING_SHARE * screen_sampling.difference_threshold**-_THRESHOLD_EXPONENT)
         share += differing * stride**-_STRIDE_EXPONENT
-    share += _SCOUTS * screen_sampling.is_scouted
     if screen_sampling.strides[-1] == 1:
+        share += _SCOUTS * screen_sampling.is_scouted
         share += _ANTIALIASED_SHARE * screen_sampling.contrast_threshold**-_CONTRAST_EXPONENT
     return float(share)
