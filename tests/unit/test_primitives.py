@@ -173,7 +173,7 @@ def test_subsampled_pixel_grids_cost_less(lod: Any) -> None:
 
 
 def test_several_rays_a_pixel_cost_more(lod: Any) -> None:
-    """Only where every pixel is drawn: pixels of subsampled grids have one ray."""
+    """Only where every pixel is drawn: pixels of subsampled grids have one ray, and none has more than 16."""
     view = look(target=tuple(lod.batches[0].origin), distance=150.0)
     orders = lod.orders(view)
 
@@ -183,6 +183,7 @@ def test_several_rays_a_pixel_cost_more(lod: Any) -> None:
 
     assert load(1, contrast=math.inf) < load(1, contrast=0.15) < load(1, contrast=0.02)
     assert load(1, contrast=0.15) < load(1, contrast=0.15, is_scouted=True)
+    assert load(1, contrast=0.02) < load(1, contrast=0.002) == load(1, contrast=0.001)
     assert load(4, 2, contrast=math.inf) == load(4, 2, contrast=0.02, is_scouted=True)
 
 
