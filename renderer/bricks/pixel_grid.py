@@ -55,6 +55,9 @@ SCATTER = np.array([[1779033703, 1013904243], [3144134277, 2773480762]])
 # The width of the finest cells, in pixels, from which on no pixel is scouted: thinner structures than a pixel need
 # smaller cells than a pixel.
 MAX_SCOUTED_CELL_PX = 1.0
+# Pixels are scouted at tolerances below this. At 256 x 256 and tolerances from 0.15 to 0.9, scouts add at most 0.08 dB
+# (engine, bonsai, vessels), and take 1.2 to 2.4 times the time of an engine without them.
+MAX_SCOUTED_TOLERANCE = 0.15
 # The least contrast that counts: half a level of 8 bits.
 MIN_CONTRAST_THRESHOLD = 0.5 / 255
 # float32 does not resolve a smaller transmittance.
@@ -108,7 +111,7 @@ def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = ma
         min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE),
         contrast,
         contrast * SPREAD_THRESHOLD / CONTRAST_THRESHOLD,
-        cell_px < MAX_SCOUTED_CELL_PX,
+        cell_px < MAX_SCOUTED_CELL_PX and tolerance < MAX_SCOUTED_TOLERANCE,
     )
 
 

@@ -77,6 +77,7 @@ class FrameRecord:
     cells: Annotated[int, types.COUNT, "The cells of the cut, each a brick or a splat."]
     primitives: Annotated[int, types.COUNT, "The cells that the view can show and that are drawn."]
     seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step; `encode` includes writing."]
+    rays: Annotated[float | None, types.AMOUNT, "The rays for each pixel, in the mean; left out for splats."] = None
     digest: Annotated[str | None, types.DIGEST, "The digest of its file."] = None
     digests: Annotated[Mapping[str, str] | None, types.DIGESTS, "Digests of its pictures for other outputs."] = None
     predicted_seconds: Annotated[float | None, types.AMOUNT, "The time predicted for it, on a budget of time."] = None

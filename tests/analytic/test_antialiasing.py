@@ -88,6 +88,24 @@ def test_even_pixels_have_one_ray(brick_rasterizer: BrickRasterizer) -> None:
     assert pictures[0][:, 2:-2].tobytes() == pictures[1][:, 2:-2].tobytes()
 
 
+@pytest.mark.parametrize(
+    ("sampling", "num_rays"),
+    [
+        (ONE_RAY, 32 * 32),
+        (ScreenSampling((1,), 0.0, 0.0, -1.0, 2.0), (1 + 4) * 32 * 32),
+        (ScreenSampling((1,), 0.0, 0.0, -1.0, -1.0), (1 + 4 + 16) * 32 * 32),
+        (ScreenSampling((4,), 0.0, 0.0), 9 * 9),
+        (ScreenSampling((4, 2), 2.0, 0.0), 9 * 9),
+    ],
+)
+def test_rays_are_counted(brick_rasterizer: BrickRasterizer, sampling: ScreenSampling, num_rays: int) -> None:
+    """Thresholds below 0 are exceeded by every pixel, those above 1 by none."""
+    volume = placed(np.tile(np.linspace(0, 1, 64, dtype=np.float32), (8, 64, 1)))
+    before = brick_rasterizer.num_rays
+    alphas(brick_rasterizer, batch_of(volume, sampling), turned(volume, 0.0, voxels_per_px=1.5, size=(32, 32)))
+    assert brick_rasterizer.num_rays - before == num_rays
+
+
 @pytest.mark.parametrize("num_threads", [1, 3])
 def test_pictures_do_not_depend_on_threads_and_memory(num_threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
     y, x = np.indices((64, 64)) - 31.5
@@ -95,6 +113,8 @@ def test_pictures_do_not_depend_on_threads_and_memory(num_threads: int, monkeypa
     batch, view = batch_of(volume), turned(volume, 10.0, voxels_per_px=0.5, size=(90, 90))
     with BrickRasterizer(num_threads=2) as rasterizer:
         expected = alphas(rasterizer, batch, view)
+        num_rays = rasterizer.num_rays
     monkeypatch.setattr("renderer.draw.bricks.antialiasing._PIXELS_AT_ONCE", 17)
     with BrickRasterizer(num_threads=num_threads) as rasterizer:
         assert alphas(rasterizer, replace(batch), view).tobytes() == expected.tobytes()
+        assert rasterizer.num_rays == num_rays > 90 * 90

@@ -35,6 +35,13 @@ class RayGrid(NamedTuple):
     is_scattered: bool = False
     first_row: int = 0
 
+    @property
+    def num_rays(self) -> int:
+        """Return the number of rays to draw."""
+        if self.places is None:
+            return len(self.rays)
+        return int(np.count_nonzero(self.places >= 0)) * self.rays_across**2
+
 
 def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False) -> Grid:
     """Return a grid of rays into which bricks are drawn, in tiles.
