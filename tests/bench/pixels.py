@@ -142,7 +142,7 @@ def squared_error(truth: Truth, picture: Float64) -> float:
 
 
 def sampled_comparison(stage: FilmStage) -> Comparison:
-    """Return a function that compares pictures of both frames with exact rays through some pixels, chosen by one ray."""
+    """Return a function that compares pictures of both frames with exact rays through some pixels."""
     prober = FrameProber(stage.first, PROBES, num_threads=THREADS)
     exact = list[ExactPixels]()
 
