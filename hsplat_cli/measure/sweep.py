@@ -82,6 +82,7 @@ class FrameMeasurement:
     """Holds the measurement of one frame at one setting.
 
     num_primitives: the number of splats or bricks that the frame can show.
+    rays_per_pixel: the number of rays divided by the number of pixels; None for splats.
     seconds: for each step, the seconds of each timed repetition.
     accuracy: the accuracy of the frame's picture.
     flicker: the change of errors from the frame before it on the path; None unless both have whole exact pictures.
@@ -89,6 +90,7 @@ class FrameMeasurement:
 
     frame: int
     num_primitives: int
+    rays_per_pixel: float | None
     seconds: Mapping[str, tuple[float, ...]]
     accuracy: Accuracy
     flicker: Flicker | None = None
@@ -143,6 +145,12 @@ class Measurement:
         return statistics.fmean(sample.num_primitives for sample in self.frames)
 
     @property
+    def rays_per_pixel(self) -> float | None:
+        """Return the mean number of rays for each pixel, over the frames; None for splats."""
+        found = [sample.rays_per_pixel for sample in self.frames if sample.rays_per_pixel is not None]
+        return statistics.fmean(found) if found else None
+
+    @property
     def _all_frame_seconds(self) -> list[float]:
         return [seconds for sample in self.frames for seconds in sample.frame_seconds]
 
@@ -170,7 +178,7 @@ def measure_setting(
     numbers = [truth.frame for truth in truths]
     accuracies: list[Accuracy] = []
     peaks: list[int] = []
-    nums_primitives: list[int] = []
+    counts: list[tuple[int, float | None]] = []
     first_pass: list[Seconds] = []
     thumbnails: list[tuple[UInt8, UInt8 | None]] = []
     flickers: list[Flicker | None] = []
@@ -184,7 +192,7 @@ def measure_setting(
         before, errors = errors, truth.errors_of(picture) if isinstance(truth, Truth) else None
         flickers.append(measure_flicker(before, errors) if before is not None and errors is not None else None)
         thumbnails += [] if thumbnails else [_thumbnails(picture, truth)]
-        nums_primitives.append(frame.num_primitives)
+        counts.append((frame.num_primitives, frame.rays_per_pixel))
         first_pass.append(frame.seconds)
         memory.reset()
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
@@ -194,7 +202,12 @@ def measure_setting(
         num_cells=frame.num_cells,
         pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STEPS),
-        frames=tuple(map(FrameMeasurement, numbers, nums_primitives, times, accuracies, flickers)),
+        frames=tuple(
+            FrameMeasurement(number, *counted, taken, accuracy, flicker)
+            for number, counted, taken, accuracy, flicker in zip(
+                numbers, counts, times, accuracies, flickers, strict=True
+            )
+        ),
         overall=pool_accuracies(accuracies),
         peak_bytes=max(peaks, default=None),
         picture=thumbnails[0][0],

@@ -21,7 +21,7 @@ from renderer.accuracy import METRICS, Accuracy, Truth
 from renderer.system import join_lines
 
 # The type of a column's values.
-Number = TypeVar("Number", float, int | None)
+Number = TypeVar("Number", float, int | None, float | None)
 
 # Version of the format of measure.json.
 FORMAT = 1
@@ -62,6 +62,8 @@ def cost_columns(measurements: Sequence[Measurement], format_count: Callable[[fl
     counts = [_number(title, unit, lambda m: m.num_cells, format_count)]
     if shows_splats or not shows_bricks:
         counts.append(_number("splats", "", cost_in_splats, format_count))
+    if shows_bricks:
+        counts.append(_number("rays", "a pixel", lambda m: m.rays_per_pixel, _rays_text))
     return [
         *counts,
         _number("time", "ms", lambda m: m.frame_seconds, ms_text),
@@ -118,6 +120,10 @@ def _range(
 
 def _number(title: str, unit: str, value: Callable[[Measurement], Number], text: Callable[[Number], str]) -> Column:
     return Column(title, unit, value, lambda m: text(value(m)))
+
+
+def _rays_text(rays_per_pixel: float | None) -> str:
+    return ABSENT if rays_per_pixel is None else f"{rays_per_pixel:.2f}"
 
 
 def _seconds_once(measurement: Measurement) -> float:
@@ -189,6 +195,7 @@ def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, 
     row: dict[str, float | None] = {
         "num_cells": measurement.num_cells,
         "num_primitives": sample.num_primitives,
+        "rays_per_pixel": sample.rays_per_pixel,
         "peak_bytes": measurement.peak_bytes,
     }
     row |= _accuracy_row(sample.accuracy) | _times_row("frame", sample.frame_seconds)
@@ -255,6 +262,7 @@ def _measurement_record(measurement: Measurement) -> dict[str, object]:
         **setting,
         **fields,
         "num_primitives": measurement.num_primitives,
+        "rays_per_pixel": measurement.rays_per_pixel,
         "frame_seconds": {"median": measurement.frame_seconds, "quartiles": measurement.frame_seconds_spread},
         "once_seconds": steps,
         "samples": samples,

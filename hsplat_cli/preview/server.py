@@ -47,7 +47,7 @@ class Channel:
             self._changed.notify_all()
 
     def texts(self) -> Iterator[str | None]:
-        """Yield the latest text and each later text, without end; None after each _HEARTBEAT_S without a new text."""
+        """Yield the latest message to the page and each later one, without end; None after _HEARTBEAT_S without one."""
         sent = -1
         while True:
             with self._changed:

@@ -15,7 +15,7 @@ MOST_DB = 200.0
 
 def psnr(mean_squared_error: float) -> float:
     """Return the peak signal-to-noise ratio in decibels; infinity if the error is 0, or an estimate below 0."""
-    return -10 * math.log10(mean_squared_error) if mean_squared_error > 0 else math.inf
+    return math.inf if mean_squared_error <= 0 else -10 * math.log10(mean_squared_error)
 
 
 def squared_error(decibels: float) -> float:

@@ -58,6 +58,9 @@ SCATTER = np.array([[1779033703, 1013904243], [3144134277, 2773480762]])
 # If the finest cells are at least this wide, in pixels, no pixel gets the additional scattered ray: structures thinner
 # than a pixel need cells smaller than a pixel.
 MAX_SCOUTED_CELL_PX = 1.0
+# No pixel gets the additional scattered ray from this tolerance on. At 256 x 256 and tolerances from 0.15 to 0.9, these
+# rays add at most 0.08 dB (engine, bonsai, vessels), and the engine takes 1.2 to 2.4 times the time without them.
+MAX_SCOUTED_TOLERANCE = 0.15
 # The smallest threshold for differences between pixels, however fine the tolerance is: half a level of 8 bits, of
 # colours from 0 to 1.
 MIN_CONTRAST_THRESHOLD = 0.5 / 255
@@ -113,7 +116,7 @@ def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = ma
         min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE),
         contrast,
         contrast * SPREAD_THRESHOLD / CONTRAST_THRESHOLD,
-        cell_px < MAX_SCOUTED_CELL_PX,
+        cell_px < MAX_SCOUTED_CELL_PX and tolerance < MAX_SCOUTED_TOLERANCE,
     )
 
 

@@ -31,12 +31,14 @@ class Rasterizer(Protocol):
     Use it as a context manager, or call `release`.
     device: the name of the device that draws; the bytes of pictures depend on it.
     threads: the threads that draw, which may also work on the drawn pictures.
+    num_rays: the number of rays through pictures so far; 0 for splats.
     brick_memory: the memory of the bricks of the last scene; None for splats, and before anything is drawn.
     notes: sentences for the user about the drawing so far.
     """
 
     device: str
     threads: ThreadPool = ThreadPool()
+    num_rays: int = 0
     brick_memory: BrickMemory | None = None
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 
@@ -54,6 +55,7 @@ class Frame:
     image: the pixels, of the kind of the first output, as `quantize` returns them.
     radiance: float32 [height, width, 4], premultiplied RGBA without background, from which the image was made.
     num_cells: the number of cells, or bricks, in the cut. num_primitives: the number of cells that the frame can show.
+    rays_per_pixel: the rays drawn, divided by the pixels of the picture; None for splats.
     seconds: the time that each step took. stage, view: the stage and the view from which it was drawn.
     lines: the lines of the annotation, along the edges of cells and of volumes.
     predicted_seconds: the time predicted for the whole frame; None without a budget.
@@ -65,6 +67,7 @@ class Frame:
     tolerance: float
     num_cells: int
     num_primitives: int
+    rays_per_pixel: float | None
     seconds: dict[str, float]
     stage: Stage
     view: View
@@ -89,6 +92,7 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     """Draw a frame. Raises InputError if the volume's file was changed."""
     lod, stage = draw_list.lod, draw_list.stage
     stage.require_unchanged()
+    num_rays_before = rasterizer.num_rays
     if draw_list.upload(rasterizer):
         watch.lap(UPLOAD_STEP)
     is_projection = stage.scene.mode.is_projection
@@ -97,10 +101,20 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     pixels = quantize(image, stage.scene.background, stage.scene.output.kind.depth)
     stage.require_unchanged()  # the file may have changed while the frame was drawn
     watch.lap("quantize")
-    num_primitives = sum(map(len, draw_list.orders[0][1]))
-    counts = lod.num_cells, num_primitives
-    seconds, view = dict(watch.seconds), draw_list.view
-    return Frame(draw_list.number, pixels, image, lod.tolerance, *counts, seconds, stage, view, tuple(lod.lines))
+    num_rays = rasterizer.num_rays - num_rays_before
+    return Frame(
+        number=draw_list.number,
+        image=pixels,
+        radiance=image,
+        tolerance=lod.tolerance,
+        num_cells=lod.num_cells,
+        num_primitives=sum(map(len, draw_list.orders[0][1])),
+        rays_per_pixel=None if stage.scene.needs_opengl else num_rays / math.prod(draw_list.view.size),
+        seconds=dict(watch.seconds),
+        stage=stage,
+        view=draw_list.view,
+        lines=tuple(lod.lines),
+    )
 
 
 def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:

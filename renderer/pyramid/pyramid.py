@@ -6,7 +6,8 @@ spacing, or of `(a c, a)`, which are then stored as the depths that have these o
 a variance, summed over channels (Laur and Hanrahan 1991, section 3: the RMS error of a node). The scene's error measure
 chooses the channels:
 
-    optical           (tau c, tau) h0     times the cell's side in the cut: the share of a pixel that the node has
+    optical           (tau c, tau) h0     the cut multiplies the error by the cell's side: the share of a pixel that can
+                                          change
     rms, classified   (a c, a)            opacity over the finest spacing
     rms, scalar       s                   in data units
 

@@ -180,7 +180,7 @@ def _axis(dataset: Dataset, axis: int, tag: dict[str, Any]) -> Axis:
 
 
 def _tagged_step(tag: dict[str, Any]) -> tuple[float, float] | None:
-    """Return the coordinate 0 and the step that ilastik states.
+    """Return the coordinate of the first voxel of an axis, 0, and the step between its voxels, as ilastik states it.
 
     Returns None if the step is missing, or 0, which stands for an unknown one.
     """

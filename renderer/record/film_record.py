@@ -84,6 +84,7 @@ class FrameRecord:
     cells: Annotated[int, types.COUNT, "The number of cells of the cut, each a brick or a splat."]
     primitives: Annotated[int, types.COUNT, "The number of cells that the view can show and that are drawn."]
     seconds: Annotated[Amounts, types.AMOUNTS, "The seconds of each step; `encode` includes writing."]
+    rays: Annotated[float | None, types.AMOUNT, "The mean number of rays for each pixel; left out for splats."] = None
     digest: Annotated[str | None, types.DIGEST, "The digest of the frame's file."] = None
     digests: Annotated[Mapping[str, str] | None, types.DIGESTS, "Digests of the pictures for other outputs."] = None
     predicted_seconds: Annotated[float | None, types.AMOUNT, "The predicted seconds, on a budget of time."] = None

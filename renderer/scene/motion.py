@@ -1,10 +1,11 @@
 """Values that move: a map from frames to values gives a value at each frame.
 
 Numbers between two keys are linear in the frame, or their logarithms are (`ratio`); vectors and lists of numbers go
-component by component, and directions on the sphere. An easing changes how far the way from one key to the next is at
-a frame. `smooth` is the monotone piecewise cubic of F. N. Fritsch and J. Butland, "A method for constructing local
-monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5 (1984): the velocity is continuous, and no value
-lies beyond its two keys; a motion that is not closed starts and ends at rest.
+component by component, and directions on the sphere. An easing changes the share of the way between two keys that is
+covered at a frame. A motion is closed if its last frame leads back to the first. `smooth` is the monotone piecewise
+cubic of F. N. Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic interpolants", SIAM J.
+Sci. Stat. Comput. 5 (1984): the velocity is continuous, and no value lies beyond its two keys; a motion that is not
+closed starts and ends at rest.
 
 In the sections of a film's scene, a `Motion` takes the place of each value that moves. Only this room reads such
 sections. Other rooms have them as `OverFrames`, which gives plain values at a frame, except for a few fields whose

@@ -30,10 +30,11 @@ def is_about_zero(sample: VoxelSample) -> bool:
 
 
 def noise_reach(sample: VoxelSample, middle: float) -> float:
-    """Return how far noise reaches from the middle of a statistical map, normalised; 0 for other volumes.
+    """Return the distance from `middle` beyond which a value of a statistical map is hardly noise, normalised.
 
-    Voxels whose value is exactly the middle lie outside the mapped object, and do not count. A volume is a statistical
-    map if its noise has a normal distribution, and some voxels stand out from it.
+    Returns 0 for other volumes. middle: the value that a statistical map has where nothing was found. Voxels whose
+    value is exactly the middle lie outside the mapped object, and do not count. A volume is a statistical map if
+    its noise has a normal distribution, and some voxels stand out from it.
     """
     distances = np.abs(sample.normalized[sample.is_valid] - middle)
     distances = distances[distances > SAME]

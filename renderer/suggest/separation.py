@@ -45,7 +45,8 @@ _OUTERMOST = (2, 98)
 # A holder, such as a tube around the object, has one cross-section from end to end of the volume: a row of cells along
 # an axis is in a holder if at least this share of its cells is visible.
 _MIN_FILLED = 0.95
-# Holders are looked for only along axes on which the volume has at least this many cells.
+# Holders of the object, such as tubes, are looked for only along axes on which the volume has at least this many
+# cells.
 _MIN_LENGTH = 16
 # A thin part is a sheet, such as a table, only if its second longest side is at least this many times its thickness.
 # Rods are no sheets: by volume and surface, they are about twice as wide as thick.

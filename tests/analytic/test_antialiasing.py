@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brickwork import alone, bricks_of, level_cut, ordered, placed, transfer_of
+from pixel_areas import coverage, turned
 
 from renderer.bricks import BrickBatch, ScreenSampling, screen_sampling_at
 from renderer.draw import BrickRasterizer
@@ -27,14 +28,6 @@ def batch_of(volume: Volume, sampling: ScreenSampling = LADDER) -> BrickBatch:
     return BrickBatch(cut, alone(bricks), np.full(len(cut), 0.25), sampling, volume.centre, volume.half_diagonal)
 
 
-def turned(volume: Volume, degrees: float, voxels_per_px: float, size: tuple[int, int]) -> View:
-    """Parallel rays along z, with the picture turned around its middle."""
-    turn = math.radians(degrees)
-    right, up = (math.cos(turn), math.sin(turn), 0.0), (-math.sin(turn), math.cos(turn), 0.0)
-    axes = np.array([right, up, (0.0, 0.0, 1.0)])
-    return View(axes, volume.centre, 100.0, "orthographic", 1 / voxels_per_px, size)
-
-
 def alphas(rasterizer: BrickRasterizer, batch: BrickBatch, view: View) -> Float64:
     return rasterizer.rasterize([batch], [ordered(batch.cut, view)], view)[..., 3].astype(np.float64)
 
@@ -42,17 +35,6 @@ def alphas(rasterizer: BrickRasterizer, batch: BrickBatch, view: View) -> Float6
 def plates(shown: Array) -> Volume:
     """Four equal planes along z of pixels [y, x]."""
     return placed(np.repeat(shown[None].astype(np.float32), 4, axis=0))
-
-
-def coverage(view: View, is_inside: object, across: int = 64) -> Float64:
-    """[h, w]: the share of each pixel in which points, in voxels from the middle, are inside."""
-    width, height = view.size
-    x = (np.arange(width * across) + 0.5) / across - width / 2
-    y = height / 2 - (np.arange(height * across) + 0.5) / across
-    in_view = np.stack(np.meshgrid(x, y), axis=-1) / view.scale_px
-    world = in_view @ view.axes[:2, :2]
-    inside = np.asarray(is_inside(world[..., 0], world[..., 1]), np.float64)  # type: ignore[operator]
-    return inside.reshape(height, across, width, across).mean(axis=(1, 3))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 3.0, 30.0, 45.0, 90.0])
@@ -106,6 +88,24 @@ def test_even_pixels_have_one_ray(brick_rasterizer: BrickRasterizer) -> None:
     assert pictures[0][:, 2:-2].tobytes() == pictures[1][:, 2:-2].tobytes()
 
 
+@pytest.mark.parametrize(
+    ("sampling", "num_rays"),
+    [
+        (ONE_RAY, 32 * 32),
+        (ScreenSampling((1,), 0.0, 0.0, -1.0, 2.0), (1 + 4) * 32 * 32),
+        (ScreenSampling((1,), 0.0, 0.0, -1.0, -1.0), (1 + 4 + 16) * 32 * 32),
+        (ScreenSampling((4,), 0.0, 0.0), 9 * 9),
+        (ScreenSampling((4, 2), 2.0, 0.0), 9 * 9),
+    ],
+)
+def test_rays_are_counted(brick_rasterizer: BrickRasterizer, sampling: ScreenSampling, num_rays: int) -> None:
+    """Thresholds below 0 are exceeded by every pixel, those above 1 by none."""
+    volume = placed(np.tile(np.linspace(0, 1, 64, dtype=np.float32), (8, 64, 1)))
+    before = brick_rasterizer.num_rays
+    alphas(brick_rasterizer, batch_of(volume, sampling), turned(volume, 0.0, voxels_per_px=1.5, size=(32, 32)))
+    assert brick_rasterizer.num_rays - before == num_rays
+
+
 @pytest.mark.parametrize("num_threads", [1, 3])
 def test_pictures_do_not_depend_on_threads_and_memory(num_threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
     y, x = np.indices((64, 64)) - 31.5
@@ -113,6 +113,8 @@ def test_pictures_do_not_depend_on_threads_and_memory(num_threads: int, monkeypa
     batch, view = batch_of(volume), turned(volume, 10.0, voxels_per_px=0.5, size=(90, 90))
     with BrickRasterizer(num_threads=2) as rasterizer:
         expected = alphas(rasterizer, batch, view)
+        num_rays = rasterizer.num_rays
     monkeypatch.setattr("renderer.draw.bricks.antialiasing._PIXELS_AT_ONCE", 17)
     with BrickRasterizer(num_threads=num_threads) as rasterizer:
         assert alphas(rasterizer, replace(batch), view).tobytes() == expected.tobytes()
+        assert rasterizer.num_rays == num_rays > 90 * 90

@@ -19,7 +19,8 @@ SHOTS = {"splats": ("coarse",), "bricks": ("bricks_coarse", "bricks_transparent"
 # Defects that these frames cannot have.
 ABSENT = {
     "splats": {"gaps of 0.1 voxel between bricks", "steps twice as long", "pixels interpolated that differ",
-        "rays that end at a transmittance of 10 %", "alpha lost", "premultiplied for straight alpha"},
+        "rays that end at a transmittance of 10 %", "one ray in every pixel", "at most four rays in a pixel",
+        "alpha lost", "premultiplied for straight alpha"},
     "bricks": {"one level of cells missing", "8 x 8 x 8 voxels missing", "no opacity correction in one level",
         "footprints 1 % wider", "footprints that end in a step"},
 }  # fmt: skip

@@ -18,7 +18,9 @@ from renderer.volume import Float32, UInt32
 
 
 class WithoutUploads:
-    """The base of rasterisers that keep no data on a device between pictures."""
+    """The base of rasterisers that keep no data on a device between pictures, and draw no rays."""
+
+    num_rays = 0
 
     def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
         """Return False, as nothing is uploaded."""

@@ -55,7 +55,7 @@ def measure(
         2 * num_splats,
         0.25,
         {"cut": (0.01, 0.011, 0.012)},
-        tuple(FrameMeasurement(frame, num_splats, steps, result) for frame in frames),
+        tuple(FrameMeasurement(frame, num_splats, None, steps, result) for frame in frames),
         result,
         800_000_000,
         picture,
@@ -83,7 +83,10 @@ def brick_series() -> list[Measurement]:
     options = {"footprint": "integrated"}
     return [
         dataclasses.replace(
-            each, num_cells=40, setting=dataclasses.replace(each.setting, options={**each.setting.options, **options})
+            each,
+            num_cells=40,
+            frames=tuple(dataclasses.replace(frame, rays_per_pixel=1.25) for frame in each.frames),
+            setting=dataclasses.replace(each.setting, options={**each.setting.options, **options}),
         )
         for each in drawn
     ]

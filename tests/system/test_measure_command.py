@@ -57,6 +57,7 @@ def test_bricks_are_measured_beside_splats() -> None:
     bricks, splats = found["integrated, optical"], found["gaussian, optical"]
     assert all(0 < int(row["num_primitives"]) <= int(row["num_cells"]) <= 4 for row in bricks)
     assert {row["opacity_correction"] for row in bricks} == {""}
+    assert all(float(row["rays_per_pixel"]) > 0 for row in bricks) and {row["rays_per_pixel"] for row in splats} == {""}
     for series in (bricks, splats):
         first = [row for row in series if row["frame"] == "0"]
         tolerances = [float(row["tolerance"]) for row in first]

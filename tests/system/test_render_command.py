@@ -128,6 +128,8 @@ def test_the_schedule_changes_the_cut_only_when_the_tolerance_changes() -> None:
     assert tolerances == [10, 10, pytest.approx(0.1**0.5), 0.01, 0.01, 0.01]
     assert ["cut" in frame["seconds"] for frame in frames] == [True, False, True, True, False, False]
     assert [frame["cells"] for frame in frames] == [11, 11, 18, 18, 18, 18]
+    rays = [frame["rays"] for frame in frames]
+    assert rays[0] < 1 < rays[2] < rays[-1]
 
 
 def test_nothing_visible_is_a_film_of_the_background(capsys: pytest.CaptureFixture[str]) -> None:

@@ -106,8 +106,8 @@ def test_the_terminal_shows_every_setting() -> None:
 @pytest.mark.parametrize(
     ("measurements", "heading"),
     [
-        (brick_series(), "setting bricks ms"),
-        ([*brick_series(), *own_series()], "setting or cells splats ms"),
+        (brick_series(), "setting bricks a pixel ms"),
+        ([*brick_series(), *own_series()], "setting or cells splats a pixel ms"),
         (own_series(), "setting cells splats ms"),
     ],
 )
@@ -144,6 +144,7 @@ def test_csv_keeps_every_value(study: Study) -> None:
                 written = float(row[f"{prefix}{metric.name}{'_db' if metric.unit else ''}"])
                 assert np.array_equal(written, accuracy[metric.name], equal_nan=True)
         assert row["num_primitives"] == str(sample.num_primitives)
+        assert row["rays_per_pixel"] == ("" if sample.rays_per_pixel is None else str(sample.rays_per_pixel))
         assert float(row["frame_ms_median"]) == pytest.approx(1000 * np.median(sample.frame_seconds), rel=1e-15)
         for step, seconds in sample.seconds.items():
             low, median, high = 1000 * np.quantile(seconds, [0.25, 0.5, 0.75])
@@ -168,6 +169,7 @@ def test_json_has_everything_but_the_pictures() -> None:
         assert (written["series"], written["label"]) == (m.setting.series, m.setting.label)
         assert written["options"] == m.setting.options
         assert (written["num_cells"], written["num_primitives"]) == (m.num_cells, m.num_primitives)
+        assert written["rays_per_pixel"] == m.rays_per_pixel
         assert written["frame_seconds"] == {"median": m.frame_seconds, "quartiles": list(m.frame_seconds_spread)}
         assert written["overall"]["on_volume"]["flip_p99"] == m.overall.on_volume["flip_p99"]
         assert (written["pyramid_seconds"], written["peak_bytes"]) == (m.pyramid_seconds, m.peak_bytes)

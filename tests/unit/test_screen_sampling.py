@@ -58,6 +58,16 @@ def test_contrasts_of_pixels_with_several_rays(tolerance, cell_px: float, contra
     assert (found.contrast_threshold, found.spread_threshold) == pytest.approx((contrast, spread))
 
 
+@pytest.mark.parametrize(
+    ("tolerance", "cell_px", "is_scouted"),
+    [(0.1, 0.9, True), (0.149, 0.1, True), (0.15, 0.1, False), (0.1, 1.0, False)],
+)
+def test_pixels_larger_than_cells_are_scouted_at_fine_tolerances(
+    tolerance: float, cell_px: float, is_scouted: bool
+) -> None:
+    assert screen_sampling_at(tolerance, cell_px).is_scouted == is_scouted
+
+
 def test_a_stride_is_at_most_half_of_the_thinnest_side() -> None:
     """At least two drawn pixels lie on the volume's thinnest side."""
     found = [screen_sampling_at(2.0, 5.0, thinnest_px).strides for thinnest_px in (7.9, 8.0, 15.9, 16.0)]

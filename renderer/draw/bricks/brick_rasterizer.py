@@ -159,6 +159,7 @@ class BrickRasterizer(Rasterizer):
 
     def _draw_parts(self, parts: Sequence[_Part], grid_of_rays: RayGrid) -> None:
         """Draw parts of a picture over the same rays, one after another, each in bands whose bricks have slots."""
+        self.num_rays += grid_of_rays.num_rays
         for part in parts:
             grid = make_grid(part.rectangles_px, grid_of_rays, is_mixture=len(part.views) > 1)
             bands, first_use = plan_bands(grid.starts, grid.numbers, len(part.members), part.have_slots)

@@ -39,6 +39,13 @@ class RayGrid(NamedTuple):
     is_scattered: bool = False
     first_row: int = 0
 
+    @property
+    def num_rays(self) -> int:
+        """Return the number of rays to draw."""
+        if self.places is None:
+            return len(self.rays)
+        return int(np.count_nonzero(self.places >= 0)) * self.rays_across**2
+
 
 def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False) -> Grid:
     """Return the record Grid of kernels: a grid of rays in tiles, with the bricks over each tile.

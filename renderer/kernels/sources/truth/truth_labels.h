@@ -27,7 +27,7 @@ struct LabelSegment {
     Array<double, 1> splits;
     // The number of positions in `splits`.
     int64_t num_splits;
-    // The number of splits at which another label wins.
+    // The number of positions in `splits` at which the label of the segment changes.
     int64_t num_changes;
 
     // The label that wins at a position along the segment.

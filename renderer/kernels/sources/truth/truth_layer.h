@@ -137,9 +137,9 @@ struct LayerRay : LayerOptics {
     LabelSegment labels;
     // The number of positions at which the segment in the cell is split.
     int64_t num_splits;
-    // The number of pieces of the segment that have been taken. Pieces end at the splits and at 1.
+    // The number of pieces of the ray's segment that are integrated already. Pieces end at the splits and at 1.
     int64_t num_taken;
-    // The position on the segment at which the last piece that was taken ends.
+    // The position on the ray's segment, in [0, 1], up to which it is integrated already.
     double taken;
     // The length of the segment, in voxels.
     double length_voxels;
