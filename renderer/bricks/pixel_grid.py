@@ -61,6 +61,8 @@ MAX_SCOUTED_CELL_PX = 1.0
 # No pixel gets the additional scattered ray from this tolerance on. At 256 x 256 and tolerances from 0.15 to 0.9, these
 # rays add at most 0.08 dB (engine, bonsai, vessels), and the engine takes 1.2 to 2.4 times the time without them.
 MAX_SCOUTED_TOLERANCE = 0.15
+# A larger tolerance has the thresholds of this one, which are still numbers of float32.
+_MAX_TOLERANCE = 1e30
 # The smallest threshold for differences between pixels, however fine the tolerance is: half a level of 8 bits, of
 # colours from 0 to 1.
 MIN_CONTRAST_THRESHOLD = 0.5 / 255
@@ -109,7 +111,7 @@ def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = ma
     strides = next((wanted for least, widest, wanted in STRIDES if tolerance >= least and widest <= most), (1,))
     threshold = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
     # With cells smaller than a pixel, colours vary more inside of a pixel than between pixels.
-    contrast = max(CONTRAST_THRESHOLD * tolerance * min(cell_px, 1.0), MIN_CONTRAST_THRESHOLD)
+    contrast = max(CONTRAST_THRESHOLD * min(tolerance, _MAX_TOLERANCE) * min(cell_px, 1.0), MIN_CONTRAST_THRESHOLD)
     return ScreenSampling(
         strides,
         threshold,
