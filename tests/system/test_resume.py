@@ -430,7 +430,7 @@ def test_why_where_a_sidecar_was_changed(capsys: pytest.CaptureFixture[str]) -> 
     assert printed_lines(capsys)[:1] == of_another("its scene is not recorded")
     edit_sidecar("film.mp4.json", lambda data: data["schedule"].update(met=False))
     render("film.mp4", "--set", "error.tolerance=0.7")
-    assert printed_lines(capsys) == ["out/film.mp4 is less than what was requested and is drawn again"]
+    assert printed_lines(capsys)[:1] == ["out/film.mp4 is less than what was requested and is drawn again"]
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
