@@ -103,7 +103,7 @@ def test_pictures_are_as_exact_as_those_of_other_volumes(look: str, values: Arra
     least = {"mean": 34, "maximum": 65, "minimum": 65}.get(look, 54)  # found: 37, 70, 73, 59
     assert decibels(picture, ray) > least
     is_sharp = "mode" in LOOKS[look]  # the volume's border
-    assert decibels_of_means(stage) > (44 if is_sharp else 58)  # found: 45, 60; with one ray a pixel 26, 39
+    assert decibels_of_means(stage) > (44 if is_sharp else 58)  # found: 44.9, 61; with one ray a pixel 26, 39
 
 
 @pytest.mark.parametrize("look", ["lambert", "gloss", "gradients"])

@@ -62,7 +62,7 @@ def test_pictures_are_those_of_exact_rays(shading: ShadingSpec) -> None:
     with prepare_stage(scene_of(shading, 0.001), clock=lambda: 0.0, num_threads=2) as stage:
         image = drawn(stage)
         assert decibels(drawn_by_single_rays(stage), exact(stage, 1 / 8)) > 58
-        assert decibels_of_means(stage) > 64  # found: 68 to 72; with one ray a pixel 40
+        assert decibels_of_means(stage) > 64  # found: 67 and more; one ray a pixel has 39 to 42
         assert np.array_equal(image, drawn(stage, num_threads=1))
     bright = drawn_with(replace(shading, occlusion=0.0, shadow=0.0), 0.001)
     assert np.abs(bright[..., 3] - image[..., 3]).mean() < 1e-3  # only light is lost
