@@ -116,7 +116,7 @@ def test_pictures_together() -> None:
 
 # Frames
 
-OUTPUT = {"file": "{frame}.png", "size": [120, 90]}
+OUTPUT = {"file": "{frame}.png", "size": [80, 60]}
 VARIANTS: dict[str, dict[str, Any]] = {
     "plain": {},
     "lit": {"shading": {"ambient": 0.3, "diffuse": 0.7, "light": [1, -1, 1]}},
