@@ -306,7 +306,7 @@ def preview(scene: SceneLike) -> Page:
 
 @ctrl_c_stops_kernels()
 def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
-    """Compute the exact picture of a frame: the converged ray integral, without pyramid, cells or tolerance.
+    """Compute the exact picture of a frame: the mean over each pixel of converged ray integrals, without cells.
 
     This takes far longer than drawing: use small pictures.
 
@@ -316,7 +316,8 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     frame: the number of the frame on the camera's path; -1 for the last frame.
 
     Returns float32 [height, width, 3], colours from 0 to 1 over the scene's background, or over black if it is
-    transparent. Every channel is within about 1e-5 of the integral.
+    transparent. Smooth pixels are within about 1e-4 of the truth. Where edges cross a pixel, up to 128 rays have an
+    error of their own: pictures of scans have 63 to 69 dB against more rays.
     Raises InputError, SceneError, and RenderError if the integral does not converge.
 
     Example

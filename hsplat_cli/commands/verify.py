@@ -106,7 +106,7 @@ def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterat
 
     They are `whole, 120 frames`, `of this volume`, and `file PSNR 43.6 dB (43.3 to 43.9), 7680 rays`.
     """
-    from renderer.record import accuracy_text
+    from renderer.record import accuracy_text, flicker_text
 
     num = len(job.frames)
     yield "not whole" if files.problems else f"whole, {counted(num, 'frame')}"
@@ -115,6 +115,8 @@ def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterat
         accuracy, num_measured = pictures.measured.accuracy, pictures.measured.num_frames
         through = f" through {counted(num_measured, 'frame')}" * (num_measured < num)
         yield f"{accuracy_text(accuracy)}, {accuracy.rays} rays{through}"
+        if accuracy.flicker is not None:
+            yield flicker_text(accuracy.flicker)
 
 
 def _problem_lines(problems: Sequence[Problem]) -> str:

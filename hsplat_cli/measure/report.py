@@ -1,6 +1,6 @@
 """Writes the report of a study: CSV, JSON, and an HTML page.
 
-The page has plots, the cost of each PSNR, pictures of the truth, and every setting with its pictures.
+The page has charts, the cost of some values of PSNR, exact pictures, and every setting with its pictures.
 """
 
 from __future__ import annotations
@@ -16,26 +16,38 @@ from hsplat_cli.measure import costs
 from hsplat_cli.measure.pareto import Cost
 from hsplat_cli.measure.plots import has_intervals, study_charts
 from hsplat_cli.measure.sweep import Measurement, Study
-from hsplat_cli.measure.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
+from hsplat_cli.measure.tables import (
+    Column,
+    cost_columns,
+    csv_text,
+    flicker_columns,
+    json_text,
+    metric_columns,
+    to_plain,
+)
 from hsplat_cli.measure.thumbnails import DIFFERENCE_GAIN, thumbnail
 from hsplat_cli.reports import ABSENT, count_text, format_facts, ms_text, render_page
 from renderer.accuracy import Truth
 from renderer.bricks import BRICK_SIZE
 from renderer.film import write_staged
 
+# The name of the page of a report.
 PAGE_FILE = "index.html"
-# The files of a report, in the order in which they are written: if the page exists, the others do.
+# The files of a report, in the order in which they are written: if the page exists, the other files do.
 REPORT_FILES = ("measure.csv", "measure.json", PAGE_FILE)
-# The metrics of the table, in its order.
+# The metrics in the table of the page, in the order of the columns.
 _METRICS = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")
+
+# The fields of Flicker in the table of the page, in the order of the columns.
+_FLICKERS = ("p99", "largest", "block_p99", "block_largest", "rms")
 
 
 def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
     """Write measure.csv, measure.json and index.html into `folder`, and return their paths.
 
     date: the date that the report shows. Equal studies and dates give equal bytes. Missing folders are created. All
-    contents are made before the first file is written. Raises InputError if a name cannot be a file, and RenderError if
-    the system refuses.
+    contents are made before the first file is written. Raises InputError if no file can have such a path, and
+    RenderError if writing fails.
     """
     texts = (csv_text(study), json_text(study, date=date), study_page(study, date=date))
     paths = [folder / name for name in REPORT_FILES]
@@ -47,7 +59,7 @@ def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
 
 
 def study_page(study: Study, *, date: str) -> str:
-    """Return the page as text; equal studies and dates give equal text."""
+    """Return the page of a study, as HTML. date: the date that the page shows."""
     measurements = study.measurements
     on_fronts = costs.on_pareto_fronts(measurements)
     return render_page(
@@ -70,6 +82,7 @@ def study_page(study: Study, *, date: str) -> str:
         is_estimate=has_intervals(measurements),
         everywhere_columns=metric_columns(measurements, _METRICS, "everywhere"),
         on_volume_columns=metric_columns(measurements, _METRICS, "on_volume"),
+        flicker_columns=flicker_columns(measurements, _FLICKERS),
         step_columns=_step_columns(measurements),
         scene=yaml.safe_dump(to_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
     )
@@ -86,7 +99,7 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
 
 
 def _cost_lines(measurements: Sequence[Measurement]) -> list[dict[str, str]]:
-    """Return the row of each PSNR in the table of costs: texts by the titles of columns."""
+    """Return the rows of the table that gives the cost of each PSNR: texts by the titles of columns."""
     lines = []
     for cost in costs.costs_by_psnr(measurements):
         line = {"PSNR\ndB": f"{cost.psnr:g}", "time\nms a frame": _cost_text(cost.time, ms_text)}
@@ -107,20 +120,22 @@ def _convergence_line(truth: Truth) -> dict[str, str]:
         "frame": str(truth.frame),
         "computed in\ns": f"{truth.seconds:.1f}",
         "volume visible in\nof the pixels": f"{100 * truth.share_on_volume:.1f} %",
+        "rays\na pixel": f"{truth.rays_per_pixel:.1f}",
+        "its own PSNR\ndB": f"{truth.own_psnr:.1f}",
         "steps\nvoxels": ", ".join(f"{step:g}" for step in record.step_voxels),
         "largest change at each\nof a channel, 0 to 1": ", ".join(f"{change:.1e}" for change in record.change),
-        "pixels still integrated": ", ".join(map(count_text, record.num_pixels)),
+        "rays still integrated": ", ".join(map(count_text, record.num_rays)),
     }
 
 
 def _primitive_nouns(measurements: Sequence[Measurement]) -> str:
-    """Return the primitives that the settings draw: `bricks`, `splats` or `bricks or splats`."""
+    """Return a word for the primitives that the settings draw: `bricks`, `splats` or `bricks or splats`."""
     bricks = costs.has_bricks(measurements)
     return " or ".join([*["bricks"] * bricks, *["splats"] * (costs.has_splats(measurements) or not bricks)])
 
 
 def _step_columns(measurements: Sequence[Measurement]) -> list[Column]:
-    """Return a column of times for each step, over all frames and repetitions."""
+    """Return a column for each step of drawing, with the times of the step over all frames and repetitions."""
     names = dict.fromkeys(name for m in measurements for name in _step_times(m))
     titles = {"primitives": _primitive_nouns(measurements)}
     return [_step_column(titles.get(step, step), step, is_once) for step, is_once in names]
@@ -135,7 +150,7 @@ def _step_column(title: str, step: str, is_once: bool) -> Column:
 
 
 def _step_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
-    """Return the seconds of each step, by its name and whether it runs once for all frames."""
+    """Return the seconds of each step of a measurement, by the step's name and whether it runs once for all frames."""
     times: dict[tuple[str, bool], tuple[float, ...]] = {("pyramid", True): (measurement.pyramid_seconds,)}
     times |= {(step, True): seconds for step, seconds in measurement.seconds.items()}
     for sample in measurement.frames:
@@ -145,7 +160,7 @@ def _step_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float,
 
 
 def _times_text(seconds: Sequence[float]) -> str:
-    """Format times by their median, their quartiles and their number."""
+    """Return the median, the quartiles and the number of some times, as text in milliseconds."""
     if not seconds:
         return ABSENT
     low, median, high = map(ms_text, np.quantile(seconds, [0.25, 0.5, 0.75]))

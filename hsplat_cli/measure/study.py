@@ -32,12 +32,14 @@ from renderer.accuracy import (
     require_measuring_packages,
     sample_truths,
     spread_evenly,
+    with_a_neighbour,
 )
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import locked_files, require_writable_dry_run
 from renderer.frame import FilmStage, read_film_volumes
 from renderer.scene import (
+    CameraPath,
     FilmScene,
     Motion,
     Scene,
@@ -51,12 +53,13 @@ from renderer.scene import (
 from renderer.system import num_cores
 from renderer.volume import Volume, joint_fingerprint
 
-# Number of frames measured by default.
+# The number of frames that are measured if the user gives none.
 _NUM_FRAMES = 3
 
 # The settings to measure, grouped by the pyramid that they share.
 Plan = Sequence[Sequence[PlannedSetting]]
 
+# The note in the report of a quick study.
 _QUICK_NOTE = (
     f"errors are estimates from {NUM_SAMPLED_PIXELS} exact rays of each frame, with intervals that hold the error of "
     "all pixels in 95 % of cases or more; every picture was drawn once, so times are less sure"
@@ -67,10 +70,14 @@ _QUICK_NOTE = (
 class StudyRequest:
     """Describes a requested study: the scene, the settings and the frames to measure.
 
-    name: the name of the scene's file. frames: None for a few frames spread over the path. repeats: the largest number
-    of timed passes of a setting. truth_tolerance: the tolerance of exact pictures. folder: the folder of the report.
+    name: the name of the scene's file.
+    sweep: the error measures, footprints and tolerances to measure.
+    frames: the frames to measure; None for a few frames spread over the path.
+    repeats: the largest number of timed passes of a setting.
+    truth_tolerance: the tolerance with which exact rays are computed.
+    folder: the folder of the report.
     is_quick: whether pictures are compared with a few exact rays in place of whole exact pictures. The sweep then has
-    one footprint and one error measure.
+        one footprint and one error measure.
     """
 
     name: str
@@ -91,7 +98,10 @@ class _Openers(NamedTuple):
 
 
 def run_study(request: StudyRequest, reporter: Reporter) -> None:
-    """Measure, write the report and print the table; after an interrupt or error, report the finished measurements."""
+    """Measure all settings, write the report and print its table.
+
+    After an interrupt or an error, the finished measurements are reported; then the exception is raised again.
+    """
     _require_all(request)
     with locked_files([request.folder / name for name in REPORT_FILES]):
         _run_study(request, reporter)
@@ -103,7 +113,7 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
     volumes = read_film_volumes(scene).first
     volume = volumes[0]
     camera = scene.at(0).camera
-    frames = request.frames or spread_evenly(range(camera.num_frames), _NUM_FRAMES, is_loop=is_loop(camera.path))
+    frames = request.frames or _frames(camera.path, camera.num_frames, is_quick=request.is_quick)
     sweep = request.sweep
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
@@ -148,6 +158,15 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
         raise end
 
 
+def _frames(path: CameraPath, num_frames: int, *, is_quick: bool) -> list[int]:
+    """Return the frames that are measured if the user gives none.
+
+    Unless the study is quick, two of them are neighbours, because flicker is measured between neighbouring frames.
+    """
+    frames = spread_evenly(range(num_frames), _NUM_FRAMES, is_loop=is_loop(path))
+    return frames if is_quick else with_a_neighbour(frames, num_frames)
+
+
 def _require_all(request: StudyRequest) -> None:
     """Raise InputError if a package is missing, or the report cannot be written."""
     if not request.is_quick:
@@ -171,9 +190,9 @@ def _devices(request: StudyRequest) -> str:
 
 @contextmanager
 def _openers(request: StudyRequest, volumes: Sequence[Volume]) -> Iterator[_Openers]:
-    """Yield the functions that open stages and rasterizers; in a quick study they return the same stage and rasterizer.
+    """Yield the functions that open the stage and the rasterizer of a scene.
 
-    In a quick study, settings differ only in their tolerances.
+    In a quick study, they always return the same stage and rasterizer, because settings differ only in tolerance.
     """
     scene = request.scene
     opened = _Openers(partial(open_at_any_tolerance, volumes=volumes), open_rasterizer)
@@ -202,10 +221,10 @@ def _with_progress(drawn: Iterator[Measurement], work: Sequence[float], reporter
 
 
 def _measure_hsplat(request: StudyRequest, plan: Plan, opened: _Openers, truths: Truths) -> Iterator[Measurement]:
-    """Measure the settings, pyramid by pyramid, with one open stage at a time; equal pictures are drawn once.
+    """Yield the measurements of all settings, pyramid by pyramid, with one open stage at a time.
 
-    Each setting gets a new OpenGL context, unless the study is quick: a software driver keeps the memory of its largest
-    picture, which would count for all later settings.
+    Settings with equal pictures are measured once. Each setting gets a new OpenGL context, unless the study is quick: a
+    software driver keeps the memory of its largest picture, which would count for all later settings.
     """
     measured: dict[Hashable, Measurement] = {}
     for settings in plan:
@@ -235,7 +254,7 @@ def _report(study: Study, folder: Path, reporter: Reporter) -> None:
 
 
 def scene_notes(scene: FilmScene) -> list[str]:
-    """Return notes on differences between the scene and the measured settings."""
+    """Return notes that say how the measured settings differ from the scene."""
     notes, here = [], "here each tolerance is measured by itself"
     if scene.error.goal is not None:
         (schedule,) = schedule_to_dict(scene.error)

@@ -18,7 +18,18 @@ import numpy as np
 
 from hsplat_cli.measure.thumbnails import amplified_difference, thumbnail
 from hsplat_cli.terminal import Machine
-from renderer.accuracy import Accuracy, FloatImage, SampledTruth, Truth, pool_accuracies, spread_tolerances
+from renderer.accuracy import (
+    Accuracy,
+    Flicker,
+    FloatImage,
+    PictureErrors,
+    SampledTruth,
+    Truth,
+    measure_flicker,
+    pool_accuracies,
+    pool_flickers,
+    spread_tolerances,
+)
 from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import Clock, FilmStage, make_primitive, render_frames
@@ -26,7 +37,7 @@ from renderer.scene import ErrorSpec, FilmScene, SplatSpec, tolerance_at, with_t
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
-# Largest number of tolerances that are chosen for each footprint and error measure, if the user gives none.
+# The most tolerances that are chosen for a footprint and an error measure if the user gives no tolerances.
 _MAX_TOLERANCES = 10
 # Seconds to draw a cell as a splat, by a software renderer on two cores. Only the ratios of _PER_CELL, _PER_TRIANGLE,
 # _PER_SAMPLE and _PER_PICTURE matter: they predict the remaining time.
@@ -41,11 +52,11 @@ _PER_PICTURE = 0.4
 FRAME_STEPS = ("order", "draw", "quantize")
 # Names of the steps that are timed once for a cut, which many frames may share.
 _CUT_STEPS = ("cut", "primitives")
-# Time after which a setting is not repeated, in seconds: if the first pass took longer, only the first frame is drawn
-# again; and no timed pass begins once timed passes have taken longer.
+# If the first pass over the frames took longer than this, in seconds, only the first frame is drawn again. Otherwise,
+# no new timed pass begins once all timed passes together have taken longer.
 _REPEAT_LIMIT_S = 4.0
 
-# The time of each step of drawing a frame, in seconds, by the name of the step.
+# The seconds of each step of drawing a frame, by the name of the step.
 Seconds = Mapping[str, float]
 # The truth of each frame: its whole exact picture, or some exact pixels.
 Truths = Sequence[Truth] | Sequence[SampledTruth]
@@ -55,10 +66,10 @@ Truths = Sequence[Truth] | Sequence[SampledTruth]
 class Setting:
     """Holds the parameters of one measurement, which is a point on a curve of error over cost.
 
-    series: the name of the curve, whose points differ in their tolerances, such as "gaussian, optical" or "gouraud 8x3,
-    rms, uncorrected".
+    series: the name of the curve, whose points differ in their tolerances, such as "gaussian, optical" (footprint and
+        error measure) or "gouraud 8x3, rms, uncorrected".
     label: the name of the point, such as "tolerance 0.1".
-    options: the parameters by name, for tables: tolerance, footprint, ...
+    options: the parameters by their names in tables: tolerance, footprint, ...
     """
 
     series: str
@@ -70,14 +81,19 @@ class Setting:
 class FrameMeasurement:
     """Holds the measurement of one frame at one setting.
 
-    num_primitives: number of splats or bricks that the frame can show.
-    seconds: for each step, the seconds of each warm repetition.
+    num_primitives: the number of splats or bricks that the frame can show.
+    rays_per_pixel: the number of rays divided by the number of pixels; None for splats.
+    seconds: for each step, the seconds of each timed repetition.
+    accuracy: the accuracy of the frame's picture.
+    flicker: the change of errors from the frame before it on the path; None unless both have whole exact pictures.
     """
 
     frame: int
     num_primitives: int
+    rays_per_pixel: float | None
     seconds: Mapping[str, tuple[float, ...]]
     accuracy: Accuracy
+    flicker: Flicker | None = None
 
     @property
     def frame_seconds(self) -> tuple[float, ...]:
@@ -89,13 +105,16 @@ class FrameMeasurement:
 class Measurement:
     """Holds the measurement of one setting, frame by frame.
 
-    num_cells: number of cells or bricks in the cut.
+    num_cells: the number of cells or bricks in the cut.
     pyramid_seconds: the time to build the pyramid and bricks, once.
-    seconds: for each step that serves many frames (cut, splats), the seconds of each repetition.
-    overall: the accuracy over all frames together.
-    peak_bytes: the peak memory of the process; None if the system does not know it.
-    picture, difference: uint8 [h, w, 3], thumbnails of the first frame and of its difference from the truth, times
-        DIFFERENCE_GAIN; the difference is None if the truth has only some pixels.
+    seconds: for each step that runs once for all frames (cut, primitives), the seconds of each repetition.
+    frames: the measurements of the frames.
+    overall: the accuracy of all frames together.
+    peak_bytes: the peak memory of the process; None if the system does not report it.
+    picture: uint8 [h, w, 3], a thumbnail of the first frame.
+    difference: uint8 [h, w, 3], a thumbnail of the difference of the first frame from its exact picture, times
+        DIFFERENCE_GAIN; None if only some pixels are known exactly.
+    flicker: the flicker over all pairs of neighbouring frames; None without any pair.
     """
 
     setting: Setting
@@ -107,6 +126,7 @@ class Measurement:
     peak_bytes: int | None
     picture: UInt8
     difference: UInt8 | None
+    flicker: Flicker | None = None
 
     @property
     def frame_seconds(self) -> float:
@@ -125,12 +145,18 @@ class Measurement:
         return statistics.fmean(sample.num_primitives for sample in self.frames)
 
     @property
+    def rays_per_pixel(self) -> float | None:
+        """Return the mean number of rays for each pixel, over the frames; None for splats."""
+        found = [sample.rays_per_pixel for sample in self.frames if sample.rays_per_pixel is not None]
+        return statistics.fmean(found) if found else None
+
+    @property
     def _all_frame_seconds(self) -> list[float]:
         return [seconds for sample in self.frames for seconds in sample.frame_seconds]
 
 
 def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
-    """Return the setting of a scene with a constant tolerance; its series is named by footprint and error measure."""
+    """Return the setting of a scene with a constant tolerance. Footprint and error measure give its series the name."""
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
     tolerance = tolerance_at(error, 0)
@@ -152,17 +178,21 @@ def measure_setting(
     numbers = [truth.frame for truth in truths]
     accuracies: list[Accuracy] = []
     peaks: list[int] = []
-    nums_primitives: list[int] = []
+    counts: list[tuple[int, float | None]] = []
     first_pass: list[Seconds] = []
     thumbnails: list[tuple[UInt8, UInt8 | None]] = []
+    flickers: list[Flicker | None] = []
+    errors: PictureErrors | None = None
     memory = PeakMemory()
     for number, frame in enumerate(render_frames(stage, numbers, rasterizer, clock=clock)):
         truth = truths[number]
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
         picture = over_background(frame.radiance, frame.stage.scene.background)
         accuracies.append(truth.accuracy_of(picture))
+        before, errors = errors, truth.errors_of(picture) if isinstance(truth, Truth) else None
+        flickers.append(measure_flicker(before, errors) if before is not None and errors is not None else None)
         thumbnails += [] if thumbnails else [_thumbnails(picture, truth)]
-        nums_primitives.append(frame.num_primitives)
+        counts.append((frame.num_primitives, frame.rays_per_pixel))
         first_pass.append(frame.seconds)
         memory.reset()
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
@@ -172,16 +202,25 @@ def measure_setting(
         num_cells=frame.num_cells,
         pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STEPS),
-        frames=tuple(map(FrameMeasurement, numbers, nums_primitives, times, accuracies)),
+        frames=tuple(
+            FrameMeasurement(number, *counted, taken, accuracy, flicker)
+            for number, counted, taken, accuracy, flicker in zip(
+                numbers, counts, times, accuracies, flickers, strict=True
+            )
+        ),
         overall=pool_accuracies(accuracies),
         peak_bytes=max(peaks, default=None),
         picture=thumbnails[0][0],
         difference=thumbnails[0][1],
+        flicker=pool_flickers([each for each in flickers if each is not None]),
     )
 
 
 def _thumbnails(picture: FloatImage, truth: Truth | SampledTruth) -> tuple[UInt8, UInt8 | None]:
-    """Return small pictures of a frame and of its difference from the truth; None for a truth of some pixels only."""
+    """Return thumbnails of a frame's picture and of its difference from the truth.
+
+    The difference is None if the truth has only some pixels.
+    """
     difference = thumbnail(amplified_difference(picture, truth.picture)) if isinstance(truth, Truth) else None
     return thumbnail(picture), difference
 
@@ -194,10 +233,10 @@ def _timed_passes(
     repeats: int,
     first_pass: list[Seconds],
 ) -> list[list[Seconds]]:
-    """Return the seconds of the frames in up to `repeats` warm passes; with `repeats` of 0, in the first pass.
+    """Draw the frames in up to `repeats` passes, and return the seconds of each frame in each pass.
 
-    If the first pass takes too long to repeat, only its first frame is drawn again: the others were
-    drawn with warm shaders, buffers and caches.
+    If `repeats` is 0, the times of the first pass are returned. If the first pass took too long to repeat, only its
+    first frame is drawn again: all other frames were drawn after the shaders, buffers and caches had been set up.
     """
 
     def draw(numbers: Sequence[int]) -> list[Seconds]:
@@ -215,7 +254,7 @@ def _timed_passes(
 
 
 def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """Return for each step the seconds of the repetitions of a frame, without steps that the film lacks."""
+    """Return the seconds of each step in the repetitions of a frame. Steps that do not occur are left out."""
     there = [name for name in steps if all(name in seconds for seconds in repetitions)]
     return {name: tuple(seconds[name] for seconds in repetitions) for name in there}
 
@@ -224,8 +263,8 @@ def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[s
 class PlannedSetting:
     """Holds a setting to measure.
 
-    scene: the scene at the setting's constant tolerance and footprint. splat: the scene's section `splat`, with this
-    footprint. work: the amount of work of a frame, in cells or samples, from `Primitive.work`.
+    scene: the scene with the setting's constant tolerance and footprint. splat: the scene's section `splat`, which has
+    the footprint. work: the work of drawing a frame, in cells or samples, from `Primitive.work`.
     """
 
     scene: FilmScene
@@ -266,10 +305,15 @@ def plan_sweep(
     splats: Sequence[SplatSpec],
     tolerances: Sequence[float] | None,
 ) -> list[list[PlannedSetting]]:
-    """Plan every error measure, with all footprints, at all tolerances, from coarse to fine, grouped by pyramid.
+    """Plan the settings of a sweep: every error measure, with all footprints, at all tolerances, from coarse to fine.
 
-    open_stage: prepares a scene; called once for each measure, and once more for bricks.
-    tolerances: None for a choice that suits each pyramid, with the scene's own first tolerance, if it has one.
+    Settings that share a pyramid are in one list.
+
+    open_stage: prepares the stage of a scene; called once for each error measure, and once more if both splats and
+        bricks are measured.
+    errors: the error measures. splats: the footprints.
+    tolerances: the tolerances to measure; None to choose tolerances for each pyramid, and to add the scene's own first
+        tolerance, if it has one.
     """
     plan = []
     own = scene.error
@@ -295,7 +339,8 @@ def _with_setting(scene: FilmScene, error: ErrorSpec, splat: SplatSpec) -> FilmS
 def _work_by_tolerance(stage: FilmStage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
     """Return the tolerances to measure on a stage, from coarse to fine, with the work of drawing at each.
 
-    tolerances: None to choose them. own: the scene's tolerance, which is added to chosen tolerances.
+    tolerances: the tolerances to measure; None to choose them. own: the scene's own tolerance, which is added to chosen
+    tolerances; None to add none.
     """
     work = cache(make_primitive(stage.first).work)
     if tolerances is None:
@@ -308,8 +353,13 @@ def _work_by_tolerance(stage: FilmStage, tolerances: Sequence[float] | None, own
 class Study:
     """Holds a study with its results.
 
-    name: the name of the scene file. scene: the scene with all defaults, from `scene_to_dict`. volume: its name,
-    fingerprint, dtype, shape. machine: the machine and the program that measured. measurements: in the planned order.
+    name: the name of the scene file.
+    scene: the scene with all defaults, from `scene_to_dict`.
+    volume: the name, the fingerprint, the dtype and the shape of the volume.
+    machine: the machine and the program that measured.
+    truth_tolerance: the tolerance with which exact rays were computed.
+    truths: the exact pictures of frames; empty if only some pixels are known exactly.
+    measurements: the measurements, in the planned order.
     notes: notes for the reader, such as on an interruption.
     """
 

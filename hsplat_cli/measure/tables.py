@@ -1,4 +1,4 @@
-"""Writes a study as text: a table for the terminal, CSV and JSON; the page has the same columns as the table."""
+"""Writes a study as text: a table for the terminal, CSV and JSON. The page of a study uses the same columns."""
 
 from __future__ import annotations
 
@@ -15,27 +15,38 @@ import numpy as np
 
 from hsplat_cli.measure.costs import cost_in_splats, group_by_series, has_bricks, has_splats, on_pareto_fronts
 from hsplat_cli.measure.sweep import FrameMeasurement, Measurement, Study
-from hsplat_cli.reports import bytes_text, metric_text, ms_text, short_count_text
+from hsplat_cli.reports import ABSENT, bytes_text, metric_text, ms_text, short_count_text
 from hsplat_cli.terminal import format_table
 from renderer.accuracy import METRICS, Accuracy, Truth
 from renderer.system import join_lines
 
 # The type of a column's values.
-Number = TypeVar("Number", float, int | None)
+Number = TypeVar("Number", float, int | None, float | None)
 
 # Version of the format of measure.json.
 FORMAT = 1
 
-# Headings of two lines, for metrics whose labels are too long.
+# Headings of the columns of metrics whose labels are too long: a title, and the text below it.
 _HEADINGS = {"max_error": ("largest", ""), "flip_p99": ("FLIP", "99 %"), "delta_e_share": ("Delta-E", "> 2.3")}
+
+
+# Titles of the columns for the fields of Flicker.
+_FLICKERS = {
+    "rms": "RMS",
+    "p99": "flicker 99 %",
+    "largest": "largest",
+    "block_p99": "blocks 99 %",
+    "block_largest": "blocks' largest",
+}
 
 
 @dataclass(frozen=True)
 class Column:
     """Describes a column of a table of measurements.
 
-    unit: the text below the title. value: returns the number of a measurement by which rows are sorted; NaN or None
-    without one. text: returns its cell.
+    title: the heading. unit: the text below the title.
+    value: a function that returns the number of a measurement by which rows are sorted; NaN or None without one.
+    text: a function that returns the text of the measurement's cell.
     """
 
     title: str
@@ -45,12 +56,14 @@ class Column:
 
 
 def cost_columns(measurements: Sequence[Measurement], format_count: Callable[[float], str]) -> list[Column]:
-    """Return the columns of counts, times and memory; the last two are `once` and `memory`."""
+    """Return the columns of costs: counts of primitives, times and memory. The last two are `once` and `memory`."""
     shows_bricks, shows_splats = has_bricks(measurements), has_splats(measurements)
     title, unit = ("bricks", "or cells" * shows_splats) if shows_bricks else ("cells", "")
     counts = [_number(title, unit, lambda m: m.num_cells, format_count)]
     if shows_splats or not shows_bricks:
         counts.append(_number("splats", "", cost_in_splats, format_count))
+    if shows_bricks:
+        counts.append(_number("rays", "a pixel", lambda m: m.rays_per_pixel, _rays_text))
     return [
         *counts,
         _number("time", "ms", lambda m: m.frame_seconds, ms_text),
@@ -68,13 +81,28 @@ def metric_column(name: str, pixels: str) -> Column:
 
 
 def metric_columns(measurements: Sequence[Measurement], names: Sequence[str], pixels: str) -> list[Column]:
-    """Return the columns of the metrics that all measurements have, each followed by its interval, if it has one."""
+    """Return the columns of the metrics that all measurements have, each followed by that of its interval, if any."""
     columns = []
     for name in names:
         columns += [metric_column(name, pixels)] * all(name in getattr(m.overall, pixels) for m in measurements)
         if measurements and all(f"{name}_low" in getattr(m.overall, pixels) for m in measurements):
             columns.append(_interval_column(name, pixels))
     return columns
+
+
+def flicker_columns(measurements: Sequence[Measurement], names: Sequence[str]) -> list[Column]:
+    """Return the columns of some fields of Flicker, in levels of 8 bits; none if no measurement has a flicker."""
+    if all(m.flicker is None for m in measurements):
+        return []
+    return [_number(_FLICKERS[name], "levels", partial(_flicker, name), _levels_text) for name in names]
+
+
+def _flicker(name: str, measurement: Measurement) -> float:
+    return math.nan if measurement.flicker is None else float(getattr(measurement.flicker, name))
+
+
+def _levels_text(levels: float) -> str:
+    return ABSENT if math.isnan(levels) else f"{levels:.1f}"
 
 
 def _interval_column(name: str, pixels: str) -> Column:
@@ -94,15 +122,19 @@ def _number(title: str, unit: str, value: Callable[[Measurement], Number], text:
     return Column(title, unit, value, lambda m: text(value(m)))
 
 
+def _rays_text(rays_per_pixel: float | None) -> str:
+    return ABSENT if rays_per_pixel is None else f"{rays_per_pixel:.2f}"
+
+
 def _seconds_once(measurement: Measurement) -> float:
-    """Return the seconds of the steps that serve all frames; NaN if there are none."""
+    """Return the seconds of the steps that run once for all frames; NaN if there are none."""
     return sum(float(np.median(seconds)) for seconds in measurement.seconds.values()) or math.nan
 
 
 def terminal_table(study: Study) -> str:
-    """Return a line for each measurement, below a line for its series.
+    """Return the table of a study: a line for each series, and below it a line for each of its measurements.
 
-    `T` marks the Pareto front of time, and `S` the Pareto front of splats.
+    `T` marks measurements on the Pareto front of PSNR over time, `S` those on the front of PSNR over splats.
     """
     measurements = study.measurements
     columns = _terminal_columns(measurements)
@@ -124,22 +156,23 @@ def terminal_table(study: Study) -> str:
 
 
 def _terminal_columns(measurements: Sequence[Measurement]) -> list[Column]:
-    """Return the columns of costs, without `once`, and of the most important metrics."""
+    """Return the columns of the table for the terminal: costs without `once`, and the most important metrics."""
     *costs, _, memory = cost_columns(measurements, short_count_text)
     on_volume = [replace(each, title="volume") for each in metric_columns(measurements, ["psnr"], "on_volume")]
     others = ("ssim", "flip", "delta_e_share") if on_volume else ("rmse",)
     psnr, metrics = (metric_columns(measurements, names, "everywhere") for names in (("psnr",), others))
-    return [*costs, *psnr, *on_volume, *metrics, memory]
+    return [*costs, *psnr, *on_volume, *metrics, *flicker_columns(measurements, ["p99"]), memory]
 
 
 def csv_text(study: Study) -> str:
-    """Return CSV (RFC 4180): a header and a row for each measurement and frame.
+    """Return a study as CSV (RFC 4180): a header, and a row for each frame of each measurement.
 
-    Columns of settings have the names of their options. Times are milliseconds: `frame_ms_*` of a whole frame,
+    Columns of parameters have the names of `Setting.options`. Times are milliseconds: `frame_ms_*` of a whole frame,
     `frame_STEP_ms_*` of each step, `once_STEP_ms_*` of steps that run once for all frames, `pyramid_ms` of the pyramid,
     timed once. Metrics cover all pixels, `volume_*` only the pixels in which the volume is visible; `*_low` and
-    `*_high` are the ends of the interval of an estimate. Numbers are exact, with `nan` and `inf`; absent values are
-    empty. `on_*_front` belongs to the measurement, over all its frames.
+    `*_high` are the ends of the interval of an estimate. `flicker_*` is the change of errors from the frame before, in
+    levels of 8 bits. `on_*_front` says whether the measurement, over all its frames, is on a Pareto front. Numbers are
+    not rounded, and may be `nan` or `inf`; absent values are empty.
     """
     options = dict.fromkeys((name for m in study.measurements for name in m.setting.options), "")
     on_fronts = on_pareto_fronts(study.measurements)
@@ -162,9 +195,11 @@ def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, 
     row: dict[str, float | None] = {
         "num_cells": measurement.num_cells,
         "num_primitives": sample.num_primitives,
+        "rays_per_pixel": sample.rays_per_pixel,
         "peak_bytes": measurement.peak_bytes,
     }
     row |= _accuracy_row(sample.accuracy) | _times_row("frame", sample.frame_seconds)
+    row |= {} if sample.flicker is None else {f"flicker_{name}": each for name, each in asdict(sample.flicker).items()}
     for step, seconds in sample.seconds.items():
         row |= _times_row(f"frame_{step}", seconds)
     for step, seconds in measurement.seconds.items():
@@ -190,7 +225,7 @@ def _times_row(name: str, seconds: Sequence[float]) -> dict[str, float]:
 
 
 def json_text(study: Study, *, date: str) -> str:
-    """Return the study without its pictures as JSON, in seconds, bytes and dB."""
+    """Return a study without its pictures as JSON, with times in seconds. date: the date of the report."""
     on_fronts = on_pareto_fronts(study.measurements)
     record = {
         "format": FORMAT,
@@ -215,6 +250,8 @@ def _truth_record(truth: Truth) -> dict[str, object]:
         "seconds": truth.seconds,
         "convergence": asdict(truth.convergence),
         "share_on_volume": truth.share_on_volume,
+        "rays_per_pixel": truth.rays_per_pixel,
+        "own_psnr": truth.own_psnr,
     }
 
 
@@ -225,6 +262,7 @@ def _measurement_record(measurement: Measurement) -> dict[str, object]:
         **setting,
         **fields,
         "num_primitives": measurement.num_primitives,
+        "rays_per_pixel": measurement.rays_per_pixel,
         "frame_seconds": {"median": measurement.frame_seconds, "quartiles": measurement.frame_seconds_spread},
         "once_seconds": steps,
         "samples": samples,

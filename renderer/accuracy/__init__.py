@@ -1,17 +1,18 @@
-"""Accuracy: how exact pictures are, and at which tolerance they are as exact as wanted.
+"""Measure how exact pictures are, and find the tolerances at which they are as exact as wanted.
 
 In: a stage, and frames that are drawn. Out: metrics against whole exact pictures (PSNR; SSIM, Wang et al. 2004; FLIP,
-Andersson et al. 2020), or an estimate from a few exact rays, with an interval; tolerances. What is drawn without a
-wanted accuracy does not depend on it.
+Andersson et al. 2020), or an estimate from a few exact rays, with an interval; tolerances. Pictures depend on this room
+only if the scene asks for an accuracy.
 
-- `pixels.py`: which pixels get a ray; `prober.py`: how many rays a frame gets, and the errors of its pixels;
-  `estimate.py`: the estimate and its interval; `decibels.py`: from errors to decibels and back.
+- `pixels.py`: the choice of the pixels that get exact rays; `prober.py`: the number of rays of a frame, and the errors
+  of its pixels; `estimate.py`: the estimate and its interval; `decibels.py`: from errors to decibels and back.
 - `visibility.py`: the ranges of scalars whose share of the picture is recorded; `glance.py`: the faults of the pictures
   of a film before it is drawn.
 - `truths.py`: the exact picture of a frame, or of some of its pixels; `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E.
-- `search.py`: the coarsest tolerances for a wanted accuracy; `tolerances.py`: those that are worth trying;
-  `references.py`: what their pictures are compared with.
-- `encoding.py`: what the encoder of a film loses.
+- `flicker.py`: how much errors change from frame to frame, by whole pictures; `shared_probes.py`: the same by probes.
+- `search.py`: the coarsest tolerances for a wanted accuracy; `tolerances.py`: the tolerances that are worth trying;
+  `references.py`: the exact rays or pictures with which trial pictures are compared.
+- `encoding.py`: the error that the encoder of a film adds.
 """
 
 import lazy_loader

@@ -7,6 +7,8 @@ from .decibels import (
 )
 from .encoding import (
     encoding_loss as encoding_loss,
+    finer_drawing as finer_drawing,
+    finer_encoding as finer_encoding,
     finer_than_kept as finer_than_kept,
     typical_kept_psnr as typical_kept_psnr,
     typical_psnr as typical_psnr,
@@ -14,6 +16,13 @@ from .encoding import (
 from .estimate import (
     ErrorSamples as ErrorSamples,
     pool_samples as pool_samples,
+)
+from .flicker import (
+    LEVELS as LEVELS,
+    Flicker as Flicker,
+    PictureErrors as PictureErrors,
+    measure_flicker as measure_flicker,
+    pool_flickers as pool_flickers,
 )
 from .glance import (
     NOTHING as NOTHING,
@@ -50,6 +59,11 @@ from .search import (
     Trial as Trial,
     find_tolerances as find_tolerances,
 )
+from .shared_probes import (
+    SharedErrors as SharedErrors,
+    error_products as error_products,
+    estimate_flicker as estimate_flicker,
+)
 from .tolerances import spread_tolerances as spread_tolerances
 from .truths import (
     NUM_SAMPLED_PIXELS as NUM_SAMPLED_PIXELS,
@@ -60,6 +74,7 @@ from .truths import (
     is_loop as is_loop,
     sample_truths as sample_truths,
     spread_evenly as spread_evenly,
+    with_a_neighbour as with_a_neighbour,
 )
 from .visibility import ScalarRange as ScalarRange, scalar_ranges as scalar_ranges
 
@@ -71,6 +86,7 @@ from .metrics import (
     sampled_accuracy as sampled_accuracy,
 )
 from .pixels import choose_pixels as choose_pixels
+from .shared_probes import first_of_pair as first_of_pair, shared_pixels as shared_pixels
 from .tolerances import (
     distinct_tolerances as distinct_tolerances,
     tolerance_ladder as tolerance_ladder,

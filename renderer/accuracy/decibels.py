@@ -6,15 +6,16 @@ import math
 
 from renderer.scene import MetricTarget
 
-# The mean squared error of numbers that are rounded to 8 bits.
+# The mean squared error of rounding colours in [0, 1] to 8 bits.
 ROUNDING_ERROR = 1 / 12 / 255**2
-# No error at all counts as this many decibels where a number is needed, and so does less error than that.
+# The largest PSNR that is written down, in decibels, in place of larger ones and of infinity, the PSNR of equal
+# pictures.
 MOST_DB = 200.0
 
 
 def psnr(mean_squared_error: float) -> float:
-    """Return the peak signal-to-noise ratio in decibels; infinity for no error."""
-    return -10 * math.log10(mean_squared_error) if mean_squared_error != 0 else math.inf
+    """Return the peak signal-to-noise ratio in decibels; infinity if the error is 0, or an estimate below 0."""
+    return math.inf if mean_squared_error <= 0 else -10 * math.log10(mean_squared_error)
 
 
 def squared_error(decibels: float) -> float:

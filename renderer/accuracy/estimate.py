@@ -1,31 +1,42 @@
-"""Estimate a mean squared error, and an interval that holds it, from samples whose mean it is expected to be.
+"""Estimate a mean squared error, and an interval that holds it, from samples with this error as their expectation.
 
-Few pixels have most of the error, and a few rays may miss them: an interval from the spread of the samples alone holds
-the truth in 69 to 100 % of cases in place of 95. The upper end therefore takes one more sample, several times as large
-as the largest one. docs/benchmarks/probes.md says how often that holds.
+A sample is the squared difference of a pixel from the mean of its exact rays, less the variance of this mean: so a
+sample, and the mean of samples, may be below 0 if the error is small. Few pixels have most of the error, and a few
+probes may miss them: the upper end of the interval is therefore computed with one more sample, several times as large
+as the largest one. The lower end is at least 0; if it is 0, only an upper bound of the error is known.
+docs/benchmarks/probes.md says how often intervals hold the error.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from renderer.volume import Float64
 
-# The sample that may have been missed, by the largest one; at the least an error of half a level of 8 bits.
-_UNSEEN, _LEAST_UNSEEN = 4.0, (0.5 / 255) ** 2
-# Of the normal distribution, for 95 %.
-_DEVIATIONS = 1.96
+# The size of the additional sample, which stands for pixels that samples may have missed, as a multiple of the largest
+# sample. With 2 alone, without _UNSEEN_OF_FEW, intervals of 16 probes hold the error in 66 to 97 % of cases; with 10
+# alone, intervals of a film are twice as wide as they need to be.
+_UNSEEN = 2.0
+# This number, divided by the number of samples, is added to the multiple _UNSEEN: few samples miss more.
+_UNSEEN_OF_FEW = 128.0
+# The additional sample is at least this large: the squared error of half a level of 8 bits.
+_LEAST_UNSEEN = (0.5 / 255) ** 2
+# 95 % of a normal distribution are within this many standard deviations of its mean.
+DEVIATIONS = 1.96
 
 
 @dataclass(frozen=True)
 class ErrorSamples:
-    """Samples of the squared error of a picture, or of several. mean: the estimate of the mean squared error.
+    """A summary of samples of the squared error of a picture, or of several pictures.
 
-    variance: of the samples, within each picture. largest: the largest sample.
+    num: the number of samples.
+    mean: the mean of the samples, which estimates the mean squared error and may be below 0 by chance.
+    variance: the variance of the samples within each picture.
+    largest: the largest magnitude of a sample.
     """
 
     num: int
@@ -35,31 +46,36 @@ class ErrorSamples:
 
     @property
     def deviation(self) -> float:
-        """Return the standard deviation of the estimate's logarithm; 0 where no sample has an error."""
-        return math.sqrt(self.variance / self.num) / self.mean if self.mean > 0 else 0.0
+        """Return the standard deviation of the estimate."""
+        return math.sqrt(self.variance / self.num)
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Return the mean squared errors between which the true one lies in 95 % of cases, or more."""
-        unseen = max(_UNSEEN * self.largest, _LEAST_UNSEEN)
+        """Return two mean squared errors, between which the true error lies in 95 % of cases or more."""
+        missed = replace(self, mean=max(self.mean, 0.0)).with_missed(self.largest)
+        low = self.mean - DEVIATIONS * self.deviation
+        return max(low, 0.0), missed.mean + DEVIATIONS * missed.deviation
+
+    def with_missed(self, largest: float) -> ErrorSamples:
+        """Return the summary with the additional sample, for an error that was missed; `num` stays the same.
+
+        largest: the largest known sample, of which the additional one is a multiple; below 0 to lower the mean.
+        """
+        unseen = (_UNSEEN + _UNSEEN_OF_FEW / self.num) * largest
+        unseen = math.copysign(max(abs(unseen), _LEAST_UNSEEN), unseen)
         mean = (self.num * self.mean + unseen) / (self.num + 1)
         variance = (self.num * (self.variance + (self.mean - mean) ** 2) + (unseen - mean) ** 2) / (self.num + 1)
-        low = self.mean / self._factor(self.mean, self.variance) if self.mean > 0 else 0.0
-        return low, mean * self._factor(mean, variance)
-
-    def _factor(self, mean: float, variance: float) -> float:
-        return math.exp(_DEVIATIONS * math.sqrt(variance / self.num) / mean)
+        return replace(self, mean=mean, variance=variance)
 
 
 def error_samples(values: Float64) -> ErrorSamples:
-    """Return what is known from samples of one picture, float64 [n]."""
-    return ErrorSamples(
-        values.size, float(values.mean()), float(values.var(ddof=min(1, values.size - 1))), float(values.max())
-    )
+    """Return the summary of the samples of one picture, float64 [n]."""
+    variance = values.var(ddof=min(1, values.size - 1))
+    return ErrorSamples(values.size, float(values.mean()), float(variance), float(np.abs(values).max()))
 
 
 def pool_samples(pictures: Sequence[ErrorSamples]) -> ErrorSamples:
-    """Return what is known of pictures together, whose mean squared errors count alike."""
+    """Return the summary of several pictures together, each of which has the same weight."""
     num = sum(each.num for each in pictures)
     variance_of_mean = sum(each.variance / each.num for each in pictures) / len(pictures) ** 2
     mean = float(np.mean([each.mean for each in pictures]))

@@ -1,6 +1,6 @@
-"""Look at a film before it is drawn, by a few exact rays, and say where it shows nothing or the box of its volume.
+"""Look at a film before it is drawn, by a few exact rays, and say if it shows nothing, or only the volume's box.
 
-Minutes of drawing are not spent on such a film without a word.
+A user then does not spend minutes of drawing on such a film without a warning.
 """
 
 from __future__ import annotations
@@ -18,34 +18,41 @@ from renderer.frame import FilmStage, Stage, StageMaker, prepare_stage, view_of
 from renderer.layers import Layer
 from renderer.scene import FilmScene, LayerSpec
 from renderer.statistics import background_value
-from renderer.truth import SceneRays, chord_lengths
+from renderer.truth import SceneRays, chord_lengths, pixel_centres
 from renderer.view import View
-from renderer.volume import Bools, Float64, Int64, Volume, sampled_volume
+from renderer.volume import Bools, Float64, Volume, sampled_volume
 
-# The most frames that are looked at.
+# At most this many frames of a film are looked at.
 _MOST_FRAMES = 3
-# Rays along the longer side of each frame.
+# The number of rays along the longer side of a frame that is looked at.
 _SIDE = 40
-# A picture that differs from its background by less than this part of white, in the mean, shows next to nothing. Films
-# of vessels, the sparsest of 26 suggestions, have 0.02 and more.
+# A picture shows next to nothing if its mean difference from its background is less than this, as a share of white.
+# Films of vessels, the sparsest of 26 suggestions, have 0.02 and more.
 _LEAST_SEEN = 0.005
-# A picture shows nothing at all where it differs by less: half a step of 8 bits.
+# A picture shows nothing if its mean difference from its background is less than this share of white: half a step of 8
+# bits.
 _NOTHING = 0.5 / 255
-# A picture shows the box of a volume if this part of the rays through the box have _LEAST_OPACITY. Of heads and other
-# objects that touch their box, 0.7 to 0.9 have.
+# A picture shows the box of a volume if at least this share of the rays through the box are more opaque than
+# _LEAST_OPACITY. For heads and other objects that touch their box, the share is 0.7 to 0.9.
 _MIN_OF_BOX = 0.97
-# The least opacity of a ray that counts as one that meets something.
+# A ray counts as meeting something visible if its opacity is above this.
 _LEAST_OPACITY = 0.03
-# Rays through the edges of a box, shorter than this part of its diagonal, do not count.
+# A ray through a box counts only if it is longer inside the box than this share of the box's diagonal: rays through the
+# edges do not.
 _SHORTEST = 0.25
-# The most voxels along an axis that are looked at where no stage is made of all voxels.
+# The largest number of voxels along an axis of the reduced volumes that are looked at if layers of all voxels would
+# take too long.
 _MOST_SAMPLED = 64
-# Longest steps of the rays, in voxels.
+# The step of the rays by which a film is looked at, in voxels.
 _STEP_VOXELS = 2.0
 
 
 class Glance(NamedTuple):
-    """A fault of the pictures of a film. word: for a table; empty for a remark. note: a sentence, no full stop."""
+    """A fault of the pictures of a film.
+
+    word: the fault in a word or a few, for a table; empty if it is no more than a remark. note: a sentence without its
+    full stop.
+    """
 
     word: str
     note: str
@@ -60,7 +67,7 @@ NOTHING_VISIBLE = (
 def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
     """Look at some frames of a film, and return the faults of their pictures, which do not depend on `num_threads`.
 
-    Dark frames are a fault if they are at least half of these frames: films fade in and out.
+    Frames that show next to nothing are a fault only if they are at least half of these frames: films fade in and out.
     """
     numbers = spread_evenly(frames, _MOST_FRAMES, is_loop=is_loop(stage.scene.at(0).camera.path))
     seen, are_boxes = list[float](), list[list[bool]]()
@@ -68,10 +75,10 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
     for number in numbers:
         at = stage if isinstance(stage, Stage) else _stage_at(stage, number, num_threads)
         view = _small(view_of(at, number))
-        pixels = np.arange(view.size[0] * view.size[1])
-        radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, pixels, _STEP_VOXELS)
+        places = pixel_centres(view.size)
+        radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, places, _STEP_VOXELS)
         seen.append(_seen(at, view, radiance))
-        are_boxes.append([_is_box(layer, view, pixels, radiance[:, 3]) for layer in at.layers])
+        are_boxes.append([_is_box(layer, view, places, radiance[:, 3]) for layer in at.layers])
     dark = [number for number, part in zip(numbers, seen, strict=True) if part < _LEAST_SEEN]
     found = [_dark_glance(stage, dark, max(seen))] if 2 * len(dark) >= len(numbers) else []
     boxes = np.all(are_boxes, axis=0).tolist()
@@ -85,9 +92,9 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
 
 
 def look_at_scene(scene: FilmScene, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
-    """Return the faults of a film as `look_ahead` does, by some of its voxels; raises as `prepare_stage`.
+    """Return the faults of a film as `look_ahead` does, from some of the voxels. Raises the errors of `prepare_stage`.
 
-    Parts that do not count for its frame may not be among these voxels, and then they are not told.
+    Small parts that lie outside of the picture may not be among these voxels: then this fault is not found.
     """
     volumes = StageMaker(num_threads, any_tolerance=True).volumes_of(scene.at(0))
     with _coarse_stage(scene, scene.at(0).layers, volumes, num_threads) as stage:
@@ -95,7 +102,7 @@ def look_at_scene(scene: FilmScene, frames: Sequence[int], *, num_threads: int) 
 
 
 def _stage_at(film: FilmStage, number: int, num_threads: int) -> Stage:
-    """Return the stage of a frame of a film in motion, made from some of its voxels: layers of all voxels take long."""
+    """Return the stage of a frame of a film in which something moves, made from some of the voxels to save time."""
     assert film.maker is not None
     scene = film.scene.at(number)
     camera = replace(scene.camera, distance=scene.camera.distance or film.distance)
@@ -107,9 +114,9 @@ def _stage_at(film: FilmStage, number: int, num_threads: int) -> Stage:
 def _coarse_stage(
     scene: FilmScene, layers: Sequence[LayerSpec], volumes: Sequence[Volume], num_threads: int
 ) -> FilmStage:
-    """Return a stage of some of the voxels of the volumes of layers.
+    """Return a stage whose volumes have only some of the voxels.
 
-    Small labels may have none of these, so that volumes of labels are whole.
+    Volumes of labels keep all voxels, because small labels might lose all of theirs.
     """
     some = [
         volume if layer.transfer_function.labels else sampled_volume(volume, _MOST_SAMPLED)
@@ -119,14 +126,14 @@ def _coarse_stage(
 
 
 def _small(view: View) -> View:
-    """Return a view with few pixels."""
+    """Return the same view in a picture of at most _SIDE pixels along each side."""
     factor = min(1.0, _SIDE / max(view.size))
     width, height = (max(1, round(side * factor)) for side in view.size)
     return replace(view, size=(width, height), scale_px=view.scale_px * height / view.size[1])
 
 
 def _seen(stage: Stage, view: View, radiance: Float64) -> float:
-    """Return by how much a picture differs from its background, in the mean, as a part of white."""
+    """Return the mean difference of a picture from its background, as a share of white."""
     width, height = view.size
     shown, background = radiance.reshape(height, width, 4), stage.scene.background
     differs = np.abs(over_background(shown, background) - over_background(np.zeros_like(shown), background)).max(axis=2)
@@ -134,7 +141,11 @@ def _seen(stage: Stage, view: View, radiance: Float64) -> float:
 
 
 def _dark_glance(stage: FilmStage, numbers: Sequence[int], most: float) -> Glance:
-    """Return the glance of frames that show too little. most: of all frames that were looked at, a part of white."""
+    """Return the fault of frames that show too little.
+
+    numbers: the numbers of these frames. most: the largest mean difference from the background, as a share of white, of
+    all frames that were looked at.
+    """
     *others, last = map(str, numbers)
     which = f"frames {', '.join(others)} and {last} show" if others else f"frame {last} shows"
     if most < _NOTHING:
@@ -145,17 +156,20 @@ def _dark_glance(stage: FilmStage, numbers: Sequence[int], most: float) -> Glanc
     return Glance(word, f"{which} {word}{amount}; `hsplat info` lists the values that there are")
 
 
-def _is_box(layer: Layer, view: View, pixels: Int64, opacities: Float64) -> bool:
-    """Return whether rays are opaque wherever they meet the box of a layer, and nowhere are more of them."""
+def _is_box(layer: Layer, view: View, places: Float64, opacities: Float64) -> bool:
+    """Return whether the picture shows the box of a layer: nearly all rays that meet the box meet something visible."""
     if layer.projection is not None:
         return False
-    chords = chord_lengths(layer.volume, view.clipped(layer.spec.clip), pixels)
+    chords = chord_lengths(layer.volume, view.clipped(layer.spec.clip), places)
     meets: Bools = chords > _SHORTEST * 2 * layer.volume.half_diagonal
     return bool(meets.any() and np.mean(opacities[meets] > _LEAST_OPACITY) >= _MIN_OF_BOX)
 
 
 def _box_glances(layer: Layer) -> Iterator[Glance]:
-    """Yield the glance of a layer that looks like its box, unless it is a block that fills it."""
+    """Yield the fault of a layer whose picture shows its box, if the cause is that its background is visible.
+
+    A volume without background, such as a block that fills its box, has no fault.
+    """
     value = background_value(layer.volume)
     if value is not None and float(layer.transfer.classify(np.array([value]))[1][0]) > 0:
         name = Path(layer.volume.name).name

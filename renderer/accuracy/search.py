@@ -1,9 +1,10 @@
 """Search for the coarsest tolerances at which frames are as exact as wanted, by trial pictures.
 
-A tolerance is good enough for a frame by some standard deviations of what its comparison says. Frames get one tolerance
-together, or each its own: then key frames get the coarsest one, and those between two of them get one between theirs. A
-frame half-way is tried: where it falls short it becomes a key frame, too. All of it is decided before the film is
-drawn, so that a frame has the same bytes in every process.
+A tolerance counts as good enough for a frame if its estimated error, plus some standard deviations of the estimate, is
+small enough. Either all frames get one tolerance, or each frame gets its own: then key frames get the coarsest
+tolerance that is good enough, and frames between two key frames get tolerances in between. The frame half-way between
+two key frames is tried: if its tolerance is not good enough, it becomes a key frame, too. Everything is decided before
+the film is drawn, so that a frame has the same bytes in every process.
 """
 
 from __future__ import annotations
@@ -25,17 +26,24 @@ from renderer.errors import RenderError
 from renderer.frame import Clock, FilmStage, Frame, ScheduleController, make_primitive, render_frames
 from renderer.scene import AnnotationSpec, FilmScene, MetricTarget, counted, with_tolerance
 
-# By how many deviations key frames, and those between them, are to be good enough: nine of ten are, and more.
-_MARGIN, _MARGIN_BETWEEN = 1.5, 0.5
-# Key frames at first, and the most.
-_NUM_KEYS, _MAX_KEYS = 8, 32
+# A key frame counts as good enough if its estimated error plus this many standard deviations is small enough. With it,
+# more than nine of ten frames are.
+_MARGIN = 1.5
+# A frame between two key frames counts as good enough if its estimated error plus this many standard deviations is
+# small enough.
+_MARGIN_BETWEEN = 0.5
+# The number of key frames with which the search begins.
+_NUM_KEYS = 8
+# Beyond this number of key frames, the frames between a new key frame and its neighbours are not tried any more.
+_MAX_KEYS = 32
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A picture at a tolerance: the metric's value on a frame, and the number of cells in the cut.
+    """A trial picture of a frame at a tolerance.
 
-    deviation: of the logarithm of the mean squared error, where that is an estimate.
+    value: the value of the metric. num_cells: the number of cells in the cut.
+    deviation: the standard deviation of the mean squared error if it is an estimate; otherwise 0.
     """
 
     tolerance: float
@@ -52,10 +60,13 @@ class Trial:
 
 @dataclass(frozen=True)
 class FoundTolerances:
-    """Tolerances for frames, found for an accuracy.
+    """The tolerances that were found for an accuracy.
 
-    by_frame: of each frame; 0 for all where not even that is good enough (`is_reachable`).
-    tried: the frames that were tried, ascending. worst: the worst trial at the tolerances that were chosen.
+    want: the accuracy.
+    by_frame: the tolerance of each frame; 0 for all frames if the accuracy is not reachable.
+    is_reachable: whether tolerance 0 is good enough for all frames that were tried.
+    tried: the frames that were tried, ascending.
+    worst: the trial with the worst value at the tolerances that were chosen.
     """
 
     want: MetricTarget
@@ -65,7 +76,7 @@ class FoundTolerances:
     worst: Trial
 
     def shortfall(self, scene: FilmScene, *, where: str, hint: str) -> RenderError:
-        """Return the error where no tolerance is good enough. hint: what to do about it."""
+        """Return the error for an accuracy that no tolerance reaches. where: the place of the error. hint: a remedy."""
         level, worst = scene.error.finest_level, self.worst
         drawn = counted(worst.num_cells, scene.primitive_name)
         is_limited = f"error.finest_level: {level} lets no cell be smaller"
@@ -88,16 +99,18 @@ def find_tolerances(
     clock: Clock,
     on_trial: Callable[[Trial], None],
 ) -> FoundTolerances:
-    """Find the tolerances at which frames, before rounding, are as near to a reference as it wants.
+    """Find the coarsest tolerances at which frames, before rounding, are as near to a reference as wanted.
 
-    stage: with a pyramid for every tolerance. The schedule of its scene is ignored, and so are lines over the picture,
-        which are no error. frames: ascending. is_constant: whether all get the same tolerance.
-    on_trial: called after every picture. None is drawn twice.
+    stage: a stage with a pyramid for every tolerance. The schedule of its scene is ignored, and so is its annotation,
+        which is no error.
+    frames: the numbers of the frames, ascending.
+    is_constant: whether all frames get the same tolerance.
+    on_trial: called after every trial picture. No picture is drawn twice.
     """
     bare = stage.scene.changed(lambda scene: replace(scene, annotation=AnnotationSpec()))
     stage = replace(stage, scene=bare)
 
-    @lru_cache(maxsize=1)  # has a level of detail in memory
+    @lru_cache(maxsize=1)  # only one, because each has a level of detail in memory
     def controller_at(tolerance: float) -> tuple[FilmStage, ScheduleController]:
         at_tolerance = replace(stage, scene=with_tolerance(stage.scene, tolerance))
         return at_tolerance, ScheduleController(at_tolerance)
@@ -109,7 +122,7 @@ def find_tolerances(
 
     ladder = tolerance_ladder(stage.largest_error, make_primitive(stage.first).work, reference.step)
     trials = _Trials(ladder, reference, draw, on_trial)
-    guess = typical_tolerance(psnr(wanted_error(reference.want)))  # has this accuracy with many scans
+    guess = typical_tolerance(psnr(wanted_error(reference.want)))  # the search begins at a typical tolerance
     start = min(bisect_left(ladder, -guess, key=lambda each: -each), len(ladder) - 1)
     if is_constant:
         chosen = _choose_one_step(trials, spread_evenly(frames, reference.num_frames, is_loop=False), start)
@@ -124,9 +137,10 @@ def find_tolerances(
 
 
 def _choose_one_step(trials: _Trials, frames: Sequence[int], start: int) -> dict[int, int]:
-    """Return one step, of all frames to try; of the one that is not good enough even at the last step.
+    """Return one step of the ladder for all frames to try, by frame.
 
-    An accuracy need not rise with every step: frames that were good enough at a coarser one are tried again.
+    If a frame is not good enough even at the last step, only this frame is returned. A finer step need not be more
+    exact: frames that were good enough at a coarser step are tried again at a finer one.
     """
     step, before = trials.coarsest_step(frames[0], start), -1
     while step != before:
@@ -140,7 +154,10 @@ def _choose_one_step(trials: _Trials, frames: Sequence[int], start: int) -> dict
 
 
 def _choose_steps(trials: _Trials, frames: Sequence[int], start: int) -> dict[int, int]:
-    """Return a step of each frame that was tried; of few where one is not good enough even at the last step."""
+    """Return a step of the ladder for each frame that is tried.
+
+    The search ends, with the frames so far, at a frame that is not good enough even at the last step.
+    """
     chosen: dict[int, int] = {}
     keys = spread_evenly(frames, _NUM_KEYS, is_loop=False)
     for frame in keys:
@@ -163,7 +180,7 @@ def _choose_steps(trials: _Trials, frames: Sequence[int], start: int) -> dict[in
 
 
 def _steps_by_frame(frames: Sequence[int], chosen: Mapping[int, int]) -> dict[int, int]:
-    """Return the step of each frame, between those of the frames that were tried."""
+    """Return the step of each frame, interpolated between the steps of the frames that were tried."""
     tried = sorted(chosen)
     found = {tried[0]: chosen[tried[0]]}
     for first, last in pairwise(tried):
@@ -172,27 +189,30 @@ def _steps_by_frame(frames: Sequence[int], chosen: Mapping[int, int]) -> dict[in
 
 
 def _step_between(steps: Mapping[int, int], first: int, last: int, frame: int) -> int:
-    """Return the step of a frame between two others, rounded to the finer one."""
+    """Return the step of a frame between two others, interpolated linearly and rounded to the finer step."""
     return math.ceil(steps[first] + (steps[last] - steps[first]) * (frame - first) / (last - first))
 
 
 @dataclass
 class _Trials:
-    """Trial pictures of frames at the steps of a ladder of tolerances. draw: draws a frame at a tolerance."""
+    """The trial pictures of a search: frames at the steps of a ladder of falling tolerances.
+
+    draw: a function that draws a frame at a tolerance. made: the trials so far.
+    """
 
     ladder: Sequence[float]
     reference: Reference
     draw: Callable[[float, int], Frame]
     on_trial: Callable[[Trial], None]
-    made: dict[tuple[int, int], Trial] = field(default_factory=dict)  # by step and frame
+    made: dict[tuple[int, int], Trial] = field(default_factory=dict)  # the trials by step and frame
 
     @property
     def last(self) -> int:
-        """Return the last step."""
+        """Return the number of the last step of the ladder, tolerance 0."""
         return len(self.ladder) - 1
 
     def trial(self, step: int, number: int) -> Trial:
-        """Return the trial of a frame at a step."""
+        """Return the trial of a frame at a step, which is drawn if it is not there yet."""
         if (step, number) not in self.made:
             frame = self.draw(self.ladder[step], number)
             value, deviation = self.reference.compare(frame)
@@ -201,18 +221,19 @@ class _Trials:
         return self.made[step, number]
 
     def is_good(self, step: int, frame: int, deviations: float = 0.0) -> bool:
-        """Return whether a frame is as exact as wanted, even if its estimate is too good by some deviations."""
+        """Return whether a frame is as exact as wanted, even if its error is larger by some standard deviations."""
         want, trial = self.reference.want, self.trial(step, frame)
-        factor = math.exp(deviations * trial.deviation)  # of the mean squared error
-        worse = trial.value - 10 * math.log10(factor) if want.metric == "psnr" else trial.value * math.sqrt(factor)
-        return want.margin(worse) >= 0
+        if trial.deviation == 0.0:
+            return want.margin(trial.value) >= 0
+        error = wanted_error(replace(want, value=trial.value)) + deviations * trial.deviation
+        return want.margin(psnr(error) if want.metric == "psnr" else math.sqrt(error)) >= 0
 
     def is_sure(self, step: int, frame: int) -> bool:
-        """Return whether a frame is surely good enough; at the last step there is nothing better."""
+        """Return whether a frame is surely good enough at a step; the last step always counts, as no step is finer."""
         return step == self.last or self.is_good(step, frame, _MARGIN)
 
     def is_possible(self, step: int, frame: int) -> bool:
-        """Return whether a frame is good enough or may be so at a finer step."""
+        """Return whether a frame is good enough at a step, or may be at a finer one."""
         return step < self.last or self.is_good(step, frame)
 
     def coarsest_step(self, frame: int, start: int) -> int:

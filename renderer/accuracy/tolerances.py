@@ -1,4 +1,4 @@
-"""Choose the tolerances that are worth trying: those at which clearly more is drawn than at the ones before."""
+"""Choose the tolerances that are worth trying: at each, clearly more is drawn than at the next coarser one."""
 
 from __future__ import annotations
 
@@ -8,25 +8,27 @@ from collections.abc import Callable, Iterator, Sequence
 from renderer.accuracy.truths import spread_evenly
 from renderer.scene import MIN_TOLERANCE
 
-# A cut of fewer cells, or of a smaller part of the finest cut, is too blurred to be of use.
+# A cut with less work, in cells or samples, is too blurred to be of use.
 _MIN_CELLS = 64
+# A cut with less than this share of the work of the finest cut is too blurred to be of use.
 _MIN_CELL_SHARE = 1e-3
-# From one tolerance of a sweep to the next, at least this many times as much is drawn.
+# From one tolerance of a sweep to the next finer one, the work grows by more than this factor.
 _MIN_GROWTH = 1.1
-# The same for the tolerances of a search.
+# From one tolerance of a search to the next finer one, the work grows by more than this factor.
 _MIN_DISTINCT_GROWTH = 1.03
-# From this share of the finest work on, a cut is as good as the finest.
+# A cut with more than this share of the work of the finest cut is as good as the finest.
 _NEARLY_ALL = 0.9
-# Errors in float16 span fewer decades.
+# The number of powers of ten that round tolerances span. The errors of a pyramid, in float16, span fewer.
 _MAX_DECADES = 12
 
-# How much is drawn at a tolerance, as in `renderer.frame.primitives.Primitive`.
+# A function that returns the work of drawing at a tolerance, in cells or samples, as `Primitive.work` of
+# `renderer.frame.primitives`.
 Work = Callable[[float], float]
 
 
 def tolerance_ladder(largest_error: float, work: Work, step: float) -> Sequence[float]:
     """Return falling tolerances of two digits, which differ by a factor of `step` or a little more; the last is 0."""
-    candidates = [*distinct_tolerances(largest_error, work)] or [1.0]  # none where all is empty
+    candidates = [*distinct_tolerances(largest_error, work)] or [1.0]  # there are none if nothing is visible
     found = candidates[:1]
     for tolerance in two_digit_numbers(candidates[0], candidates[-1])[1:]:
         if found[-1] >= step * tolerance:
@@ -35,10 +37,10 @@ def tolerance_ladder(largest_error: float, work: Work, step: float) -> Sequence[
 
 
 def round_tolerances(largest_error: float) -> Iterator[float]:
-    """Yield 1, 2 and 5 times powers of ten, downward from the first at which the whole volume is a single cell.
+    """Yield falling tolerances of 1, 2 and 5 times powers of ten; at the first, the whole volume is just one cell.
 
-    Ends after 12 decades. A volume without error is one cell at any tolerance: 1 is yielded.
-    largest_error: of the whole volume as a single cell.
+    They end after 12 powers of ten. A volume without error is one cell at any tolerance: only 1 is yielded.
+    largest_error: the error of the whole volume as a single cell.
     """
     top = largest_error
     if top == 0:
@@ -52,7 +54,7 @@ def round_tolerances(largest_error: float) -> Iterator[float]:
 
 def distinct_tolerances(largest_error: float, work: Work, growth: float = _MIN_DISTINCT_GROWTH) -> Iterator[float]:
     """Yield the round tolerances at which clearly more is drawn than at the one before, until nearly all is drawn."""
-    before, everything = 0.0, work(MIN_TOLERANCE)  # below any error that a pyramid can hold
+    before, everything = 0.0, work(MIN_TOLERANCE)  # smaller than any error that a pyramid can hold
     for tolerance in round_tolerances(largest_error):
         amount = work(tolerance)
         if amount > growth * before:

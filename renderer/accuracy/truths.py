@@ -8,37 +8,51 @@ from typing import TypeVar
 
 import numpy as np
 
+from renderer.accuracy.decibels import psnr
+from renderer.accuracy.flicker import PictureErrors
 from renderer.accuracy.metrics import Accuracy, FloatImage, measure_accuracy, sampled_accuracy
 from renderer.accuracy.prober import ExactPixels, FrameProber
 from renderer.draw import Rasterizer
-from renderer.film import over_background
 from renderer.frame import Clock, FilmStage, render_frames, view_of
 from renderer.scene import CameraPath, KeyframePath
-from renderer.truth import Convergence, Progress, SceneRays, ignore
+from renderer.truth import Convergence, PixelMeans, Progress, SceneRays, ignore, mean_over_pixels
 from renderer.volume import Bools
 
 T = TypeVar("T")
 
-# The convergence of a truth in every channel: a thousandth of the RMSE of a picture with 40 dB.
-TRUTH_TOLERANCE = 1e-5
-# Exact rays of a frame without a whole truth: its PSNR is then known to about 1 dB.
+# The rays of a truth count as converged if halving their step changes no channel, in [0, 1], by this much. Rays then
+# had errors of 119 dB. The errors of pixels are far larger, because each is the mean of a few rays.
+TRUTH_TOLERANCE = 1e-4
+# The number of pixels with exact rays in a frame without a whole truth: its PSNR is then known to about 1 dB.
 NUM_SAMPLED_PIXELS = 1024
 
 
 @dataclass(frozen=True)
 class Truth:
-    """A truth: the converged ray integral of one frame.
+    """A truth: the exact picture of one frame, from converged rays.
 
-    picture: float64 [h, w, 3], over the scene's background, clipped to [0, 1].
-    on_volume: bool [h, w], where anything of the volume is visible.
-    convergence: the changes as the step was halved. seconds: the time that it took, where somebody has timed it.
+    means: [h, w, 3], the mean over each pixel. on_volume: bool [h, w], whether anything of the volume is visible.
+    convergence: the changes of the rays each time that their step was halved.
+    rays_per_pixel: the mean number of rays of a pixel.
+    seconds: the time that computing it took; 0 if it was not timed.
     """
 
     frame: int
-    picture: FloatImage
+    means: PixelMeans
     on_volume: Bools
     convergence: Convergence
+    rays_per_pixel: float = 0.0
     seconds: float = 0.0
+
+    @property
+    def picture(self) -> FloatImage:
+        """Return the picture: float [h, w, 3], over the scene's background, in [0, 1]."""
+        return self.means.colors
+
+    @property
+    def own_psnr(self) -> float:
+        """Return the PSNR of the truth itself, in decibels, estimated from the variances of its pixels."""
+        return psnr(float(np.mean(self.means.variances, dtype=np.float64)))
 
     @property
     def share_on_volume(self) -> float:
@@ -51,44 +65,50 @@ class Truth:
         return bool(self.on_volume.any())
 
     def accuracy_of(self, picture: FloatImage) -> Accuracy:
-        """Compare a picture over the background, float64 [h, w, 3], with the truth."""
-        return measure_accuracy(picture, self.picture, self.on_volume)
+        """Return the accuracy of a picture of the frame. picture: float64 [h, w, 3], already over the background."""
+        return measure_accuracy(picture, self.means, self.on_volume)
+
+    def errors_of(self, picture: FloatImage) -> PictureErrors:
+        """Return the errors of a picture of the frame. picture: float64 [h, w, 3], already over the background."""
+        return PictureErrors(self.frame, picture - self.means.colors, self.means.variances, self.on_volume)
 
 
 @dataclass(frozen=True)
 class SampledTruth:
-    """A truth of some pixels of one frame; otherwise as Truth. shows_volume: whether its picture does."""
+    """A truth of some pixels of one frame.
+
+    exact: the exact colours of the pixels. shows_volume: whether the drawn picture of the frame shows the volume.
+    """
 
     frame: int
     exact: ExactPixels
     shows_volume: bool
 
     def accuracy_of(self, picture: FloatImage) -> Accuracy:
-        """Estimate the accuracy of a picture over the background, float64 [h, w, 3]."""
+        """Estimate the accuracy of a picture of the frame. picture: float64 [h, w, 3], already over the background."""
         return sampled_accuracy(self.exact.compare_picture(picture).samples)
 
 
 def compute_truth(
     film: FilmStage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress = ignore
 ) -> Truth:
-    """Compute the truth of a frame to `tolerance` in every channel. Raises RenderError if it does not converge.
+    """Compute the truth of a frame. Raises RenderError if a ray does not converge.
 
-    on_progress: as in `RayIntegrator.converge`.
+    tolerance, on_progress: as in `RayIntegrator.converge`.
     """
     stage = film.at(frame)
     scene, view = stage.scene, view_of(stage, frame)
-    (width, height), rays = view.size, SceneRays(stage, num_threads=num_threads)
-    pixels, convergence = rays.converge(view, np.arange(width * height), tolerance, on_progress)
-    image = pixels.reshape(height, width, 4)
-    return Truth(frame, over_background(image, scene.background), image[..., 3] > 0, convergence)
+    rays = SceneRays(stage, num_threads=num_threads)
+    found = mean_over_pixels(rays, view, scene.background, tolerance, seed=(frame,), on_progress=on_progress)
+    return Truth(frame, found.means, found.is_seen, found.convergence, float(found.num_rays.mean()))
 
 
 def sample_truths(
     film: FilmStage, frames: Sequence[int], tolerance: float, rasterizer: Rasterizer, *, clock: Clock, num_threads: int
 ) -> list[SampledTruth]:
-    """Compute the truth of some pixels of each frame, chosen by its picture at the scene's tolerance.
+    """Compute the truth of some pixels of each frame, which are chosen by drawing the frame at the scene's tolerance.
 
-    tolerance: as in `compute_truth`.
+    tolerance: of the exact rays, as in `RayIntegrator.converge`.
     """
     prober = FrameProber(film.first, NUM_SAMPLED_PIXELS, num_threads=num_threads, tolerance=tolerance)
     return [
@@ -102,8 +122,19 @@ def sample_truths(
 
 
 def is_loop(path: CameraPath) -> bool:
-    """Return whether the last frame of a path leads back to the first."""
+    """Return whether a path is a loop, whose last frame comes just before the first."""
     return not isinstance(path, KeyframePath) or path.loop
+
+
+def with_a_neighbour(frames: Sequence[int], num_frames: int) -> list[int]:
+    """Return frames of a path of `num_frames`, with one more if no two are neighbours: the one after the middle frame.
+
+    Flicker is measured between neighbours. The pair is not at the first frame, which often looks along an axis of the
+    volume, as few other frames do.
+    """
+    middle = frames[len(frames) // 2]
+    has_neighbours = any(frame + 1 in frames for frame in frames)
+    return [*frames] if has_neighbours or middle + 1 >= num_frames else sorted({*frames, middle + 1})
 
 
 def spread_evenly(items: Sequence[T], num: int, *, is_loop: bool) -> list[T]:

@@ -19,7 +19,11 @@ from .layout import (
     BRICK_SIZE as BRICK_SIZE,
     PADDED_BRICK_SIZE as PADDED_BRICK_SIZE,
 )
-from .pixel_grid import ScreenSampling as ScreenSampling
+from .pixel_grid import (
+    RAYS_ACROSS as RAYS_ACROSS,
+    ScreenSampling as ScreenSampling,
+    ray_positions as ray_positions,
+)
 from .sampling import (
     BrickBatch as BrickBatch,
     make_brick_batch as make_brick_batch,

@@ -12,6 +12,7 @@ premultiplied RGBA without a background. Each footprint, splats or bricks, has i
 - `splats/splat_rasterizer.py`: the rasteriser. `splats/shaders/project.glsl` projects a splat to an ellipse, and clips
   it at the near plane (Zwicker et al. 2001).
 - `splats/programs.py`: loads shaders.
+- `splats/samples.py`: divides pictures into tiles, and averages the samples of a pixel.
 - `splats/compositing.py`: divides splats into chunks that are added up in float64.
 - `splats/recovery.py`: makes another OpenGL context when a context is lost.
 
@@ -19,8 +20,9 @@ premultiplied RGBA without a background. Each footprint, splats or bricks, has i
 
 - `bricks/brick_rasterizer.py`: the rasteriser, which shares the memory for bricks among layers.
 - `bricks/brick_cache.py`: keeps the texels of bricks.
-- `bricks/grid.py`: divides the picture into tiles, and finds the bricks over each tile.
-- `bricks/bands.py`: joins tiles into bands whose bricks fit into memory together.
+- `bricks/grid.py`: divides the picture into tiles, and finds the bricks over each.
+- `bricks/bands.py`: joins tiles whose bricks fit into the caches at once.
+- `bricks/antialiasing.py`: draws several rays in pixels whose colour a single ray does not give.
 - `bricks/subsampling.py`: interpolates between pixels that are drawn.
 - `bricks/field.py`: the field of scalars that samples are taken from, and its colours.
 - `bricks/light.py`: light and extinction that depend on the view or on gradients.

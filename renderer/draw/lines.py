@@ -12,15 +12,16 @@ from renderer.kernels import kernels
 from renderer.view import View, model_view
 from renderer.volume import Float32
 
-# The least depth, in model units, by which an end of a line is divided. Parts of lines that are nearer are cut off.
+# In perspective, the parts of lines nearer to the eye than this depth, in model units, are cut off: the projection
+# divides by the depth.
 MIN_LINE_DEPTH = 1e-5
 # The opacity of a line is LINE_COVER * s * p, where the side of its cell is s model units and p pixels long. Up to 2 /
-# s cells lie behind one another, and the lines of one layer of cells cover about 2 / p of the image: with a fixed
-# opacity, all of them together would be a fog. With this one, their total is bounded for cells of any size.
+# s cells lie behind one another, and the lines of one sheet of cells cover about 2 / p of the image: with a fixed
+# opacity, all lines together would be a fog. With this opacity, their sum is bounded for cells of any size.
 LINE_COVER = 0.75
 # The largest opacity that a line may have.
 LINE_OPACITY = 0.8
-# Cells with a shorter side, in pixels, have no lines.
+# The edges of a cell are drawn only if its shortest side is at least this long, in pixels.
 MIN_SIDE_PX = 3.0
 # The colours of lines by level, the finest level first, the last colour for all coarser levels: from orange to blue in
 # even steps of lightness (CIE L* 62 to 41) and hue, as saturated as sRGB allows. The contrast to black and to white is
@@ -32,7 +33,10 @@ LEVEL_COLORS = tuple(
 
 
 def draw_lines(lines: Lines, view: View, image: Float32) -> None:
-    """Draw lines over an image, each over the lines before it: float32 [height, width, 4], premultiplied RGBA."""
+    """Draw lines over an image, each over the lines before it.
+
+    image: float32 [height, width, 4], premultiplied RGBA, changed in place.
+    """
     camera = model_view(lines, view)
     if camera.perspective:
         camera = camera._replace(near=max(camera.near, MIN_LINE_DEPTH))

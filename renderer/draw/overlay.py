@@ -1,8 +1,8 @@
 """Make the lines of overlays: the edges of the cells or bricks of a cut, or the outline of the volume with ticks.
 
-The twelve edges of a cell lie where its voxels end, which may be at the volume's border. Cells of one level share most
-of their edges: each edge is drawn once, because an edge drawn twice would be heavier than others. Coarse levels come
-first, so that fine cells are drawn over coarse cells.
+The twelve edges of a cell enclose its voxels; at the volume's border they end with the volume. Cells of one level share
+most of their edges: each edge is drawn once, because an edge drawn twice would look heavier than others. Coarse levels
+come first, so that fine cells are drawn over coarse cells.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from renderer.kernels import kernels
 from renderer.pyramid import Cut
 from renderer.volume import Float32, Float64, Int64, Volume
 
-# The length of a tick, as a share of the longest side of the box.
+# The length of a tick of the volume's outline, as a share of the longest side of the volume's box.
 _TICK_LENGTH = 0.02
-# The length of a long tick, as a share of the longest side of the box.
+# The length of every fifth tick of the volume's outline, as a share of the longest side of the volume's box.
 _LONG_TICK_LENGTH = 0.04
-# One tick in this many is long.
+# One tick in this many is a long one.
 _LONG_TICK_EVERY = 5
-# The outline has the colour of the cells of this level.
+# The outline of a volume has the colour of edges of cells of this level.
 _OUTLINE_LEVEL = 1
 
 
@@ -33,7 +33,8 @@ class Lines:
     """A list of lines to draw over a picture, each along an edge of a cell; large cells come first.
 
     vertices: float32 [n, 7], start [3] and end [3] in model units and world axes, and the level of the cell.
-    voxel_side: the shortest side of a cell of level 0, in model units; infinite if the lines are no edges of cells.
+    voxel_side: the shortest side of a cell of level 0, in model units, by which edges are made fainter; infinite for
+        lines that are no edges of cells.
     origin: float64 [3], the world position of the model's origin.
     model_unit: the world length of a model unit.
     """
@@ -48,7 +49,7 @@ class Lines:
 
 
 def make_edges(cut: Cut | BrickCut, levels_above: int) -> Lines:
-    """Return the edges of a cut's cells, or of its bricks in the colours of their cells' levels.
+    """Return the edges of the cells of a cut, or of its bricks, whose edges have the level of their cells.
 
     levels_above: the number of levels by which a brick is larger than its cells; 0 to draw cells. Within a level the
     edges are sorted by axis and position.
@@ -106,7 +107,7 @@ def make_outline(volume: Volume) -> Lines:
 
 
 def tick_step(side: float) -> float:
-    """Return the longest distance between ticks, 1, 2 or 5 times a power of ten, that puts at least four inside a side.
+    """Return the distance between ticks: the longest 1, 2 or 5 times a power of ten with at least four ticks on a side.
 
     There are at most nine ticks, because such distances differ by a factor of at most 2.5.
     """
@@ -115,15 +116,15 @@ def tick_step(side: float) -> float:
 
 
 def _num_ticks(side: float, step: float) -> int:
-    """Return the number of ticks inside a side; its ends have none."""
+    """Return the number of ticks along a side, `step` apart; the two ends of the side have none."""
     return math.ceil(side / step - 1e-9) - 1
 
 
 def _edge_starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
-    """Return the corners where edges along an axis start, each once, ascending: int64 [n].
+    """Return the corners where the edges of cells along an axis start, each once, ascending: int64 [n].
 
-    Corners are given by their numbers among the corners of all cells, x fastest. cells: int64 [m, 3], the cells'
-    positions in units of their width.
+    A corner is given by its number in a grid of `num_corners` corners, x fastest. cells: int64 [m, 3], the positions of
+    cells of one level, in widths of a cell.
     """
     strides = np.array([1, num_corners[0], num_corners[0] * num_corners[1]])
     side, other_side = np.delete(strides, axis)

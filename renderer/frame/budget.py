@@ -36,7 +36,9 @@ _TARGET_SHARE = 0.95
 # A frame keeps the LOD of the frame before if it is predicted to take nearly the expected share of its budget of
 # seconds: the natural logarithms of the predicted and the expected share differ by at most this.
 _BAND = 0.13
-# An LOD stays for at least this number of frames, however long they take, while the budget of seconds is the same.
+# An LOD stays for at least this number of frames, however long they take, while the budget of seconds is the same. The
+# first LOD of a film stays for one: it was chosen before any frame was written and probed, which may take as long as
+# drawing.
 _MIN_FRAMES = 5
 # The search for an LOD ends when the predicted seconds of a frame deviate from the wanted seconds by at most this
 # share of the wanted seconds.
@@ -74,8 +76,13 @@ class LODCostEstimator:
         self._trials: list[tuple[float, float]] = []  # typical and measured seconds to draw each trial
         # typical and measured seconds to draw each of the last frames
         self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)
-        self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # seconds to write the last frames
+        self._writing: deque[float] = deque(maxlen=_NUM_RECENT)  # seconds to write, and to probe, the last frames
         self._seen: dict[float, tuple[float, float]] = {}  # typical seconds to draw, and to sort, by size
+
+    @property
+    def has_written(self) -> bool:
+        """Return whether a frame was written, so that the time to write one is known."""
+        return bool(self._writing)
 
     def size(self, lod: LOD) -> float:
         """Return the size of an LOD, as its kind of primitive (splats or bricks) defines it."""
@@ -98,7 +105,8 @@ class LODCostEstimator:
         """
         drifts = [taken / self._draw_seconds(typical) for typical, taken in self._frames]
         drift = statistics.median(drifts or [1.0])
-        return order_seconds + drift * self._draw_seconds(typical_seconds) + statistics.median(self._writing)
+        writing = statistics.median(self._writing or [_TYPICAL_WRITING])
+        return order_seconds + drift * self._draw_seconds(typical_seconds) + writing
 
     def max_cells(self, seconds: float) -> float:
         """Return an upper bound of the number of cells that can be drawn in a time, as if pixels cost no time."""
@@ -259,6 +267,7 @@ class BudgetController:
         self._lod: LOD | None = None
         self._made_for: Stage | None = None
         self._seconds, self._expected_share, self._num_frames = 0.0, _TARGET_SHARE, 0
+        self._min_frames = 1
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
         """Return the frame to draw, and the predicted seconds from its start to the start of the next frame."""
@@ -272,7 +281,7 @@ class BudgetController:
         predicted = self._estimator.predict(draw_list)
         share = predicted / seconds
         is_kept = abs(math.log(share / self._expected_share)) <= _BAND or (share < 1 and self._lod.tolerance == 0)
-        if is_kept or (self._num_frames < _MIN_FRAMES and seconds == self._seconds):
+        if is_kept or (self._num_frames < self._min_frames and seconds == self._seconds):
             return draw_list, predicted
         if seconds != self._seconds:
             return self.choose(number, watch)
@@ -291,6 +300,7 @@ class BudgetController:
         # If `sizes` excluded the best LOD, _TARGET_SHARE is expected, so that the next frame comes closer to that LOD.
         self._expected_share = predicted / seconds if sizes[0] <= wanted <= sizes[1] else _TARGET_SHARE
         self._lod, self._seconds, self._num_frames = draw_list.lod, seconds, 0
+        self._min_frames = _MIN_FRAMES if self._estimator.has_written else 1
         self._made_for = draw_list.stage
         return draw_list, predicted
 

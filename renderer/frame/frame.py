@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -10,18 +12,21 @@ from renderer.draw import Lines, Rasterizer, draw_lines
 from renderer.film import Pixels, quantize
 from renderer.frame.primitives import LOD, Orders
 from renderer.frame.stage import Stage, Stopwatch, view_of
+from renderer.kernels import ThreadPool
+from renderer.layers import Layer
 from renderer.modes import chord_lengths
 from renderer.view import View
-from renderer.volume import Float32
+from renderer.volume import Float32, Float64
 
-# The name of the step that uploads bricks missing in the cache. It also serves later frames.
+# The name of the step that uploads bricks missing in the cache, which later frames use, too.
 UPLOAD_STEP = "bricks"
 
 
 @dataclass(frozen=True)
 class DrawList:
-    """A list of the elements to draw on a frame: a level of detail in its draw orders.
+    """The splats or bricks to draw on a frame: a level of detail, sorted for the frame's view.
 
+    orders: the indices of the elements of each batch in draw order, once or in several orders that are blended.
     order_seconds: the time that sorting took.
     """
 
@@ -39,7 +44,8 @@ class DrawList:
 
     def upload(self, rasterizer: Rasterizer) -> bool:
         """Prepare the rasteriser for this frame and similar ones; return whether there was something to do."""
-        return rasterizer.upload(self.lod.batches, self.orders[0][1], self.view)  # every order has the same elements
+        # The first order is enough: every order has the same elements.
+        return rasterizer.upload(self.lod.batches, self.orders[0][1], self.view)
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,7 @@ class Frame:
     image: the pixels, of the kind of the first output, as `quantize` returns them.
     radiance: float32 [height, width, 4], premultiplied RGBA without background, from which the image was made.
     num_cells: the number of cells, or bricks, in the cut. num_primitives: the number of cells that the frame can show.
+    rays_per_pixel: the rays drawn, divided by the pixels of the picture; None for splats.
     seconds: the time that each step took. stage, view: the stage and the view from which it was drawn.
     lines: the lines of the annotation, along the edges of cells and of volumes.
     predicted_seconds: the time predicted for the whole frame; None without a budget.
@@ -60,6 +67,7 @@ class Frame:
     tolerance: float
     num_cells: int
     num_primitives: int
+    rays_per_pixel: float | None
     seconds: dict[str, float]
     stage: Stage
     view: View
@@ -67,7 +75,7 @@ class Frame:
     predicted_seconds: float | None = None
 
     def radiance_with_lines(self) -> Float32:
-        """Return the radiance with the lines drawn over it, or the radiance itself where there are none."""
+        """Return the radiance with the lines drawn over it, or the radiance itself if there are no lines."""
         image = self.radiance.copy() if self.lines else self.radiance
         for lines in self.lines:
             draw_lines(lines, self.view, image)
@@ -84,6 +92,7 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     """Draw a frame. Raises InputError if the volume's file was changed."""
     lod, stage = draw_list.lod, draw_list.stage
     stage.require_unchanged()
+    num_rays_before = rasterizer.num_rays
     if draw_list.upload(rasterizer):
         watch.lap(UPLOAD_STEP)
     is_projection = stage.scene.mode.is_projection
@@ -92,10 +101,20 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     pixels = quantize(image, stage.scene.background, stage.scene.output.kind.depth)
     stage.require_unchanged()  # the file may have changed while the frame was drawn
     watch.lap("quantize")
-    num_primitives = sum(map(len, draw_list.orders[0][1]))
-    counts = lod.num_cells, num_primitives
-    seconds, view = dict(watch.seconds), draw_list.view
-    return Frame(draw_list.number, pixels, image, lod.tolerance, *counts, seconds, stage, view, tuple(lod.lines))
+    num_rays = rasterizer.num_rays - num_rays_before
+    return Frame(
+        number=draw_list.number,
+        image=pixels,
+        radiance=image,
+        tolerance=lod.tolerance,
+        num_cells=lod.num_cells,
+        num_primitives=sum(map(len, draw_list.orders[0][1])),
+        rays_per_pixel=None if stage.scene.needs_opengl else num_rays / math.prod(draw_list.view.size),
+        seconds=dict(watch.seconds),
+        stage=stage,
+        view=draw_list.view,
+        lines=tuple(lod.lines),
+    )
 
 
 def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
@@ -116,12 +135,23 @@ def _add_projections(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
     for group, batch, order in zip(stage.groups, draw_list.lod.batches, draw_list.orders[0][1], strict=True):
         (layer,) = group.layers
         assert layer.projection is not None
-        chords = chord_lengths(layer.volume, view, layer.spec.clip, rasterizer.threads)
-        gathered = rasterizer.rasterize([batch], [order], view)
-        picture = layer.projection.picture(gathered, chords, rasterizer.threads)
+        picture = rasterizer.rasterize(
+            [batch], [order], view, partial(_color_projection, layer, view, rasterizer.threads)
+        )
         if len(stage.groups) > 1:
             picture *= (layer.spec.weight, layer.spec.weight, layer.spec.weight, 1.0)
         image = picture if image is None else image + picture
     assert image is not None
     image[..., 3] = np.minimum(image[..., 3], np.float32(1))
     return image
+
+
+def _color_projection(
+    layer: Layer, view: View, threads: ThreadPool, gathered: Float32, positions_px: Float64 | None
+) -> Float32:
+    """Return the colours of a projection for rays or a whole picture. gathered, positions_px: as in `RayColors`."""
+    assert layer.projection is not None
+    chords = chord_lengths(layer.volume, view, layer.spec.clip, positions_px, threads)
+    if positions_px is None:
+        return layer.projection.picture(gathered, chords, threads)
+    return layer.projection.picture(gathered[:, None], chords[:, None], threads)[:, 0]

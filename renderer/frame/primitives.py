@@ -29,8 +29,8 @@ from renderer.bricks import (
 from renderer.draw import Lines, make_edges, make_outline
 from renderer.frame.stage import Stage, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
-from renderer.scene import MIN_TOLERANCE
-from renderer.splats import SplatBatch, make_splats
+from renderer.scene import MAX_LEVEL, MIN_TOLERANCE
+from renderer.splats import SplatBatch, make_splats, samples_across_at
 from renderer.view import View, blended_orders, model_view, total_square_area_px, visible_bricks, visible_order
 from renderer.volume import UInt32
 
@@ -42,32 +42,44 @@ Lap = Callable[[str], object]
 # A function that returns the orders of a view. See `LOD.orders`.
 OrderFinder = Callable[[View], Orders]
 
-# The seconds of a frame without content, on a software renderer with two cores.
+# The seconds to draw an empty frame, by a software renderer on two cores.
 _TYPICAL_FRAME_SECONDS = 5e-3
-# The seconds of a splat or a brick without its pixels, on a software renderer with two cores.
+# The seconds to draw a splat or a brick, besides the time for its pixels, by a software renderer on two cores.
 TYPICAL_CELL_SECONDS = 1e-6
-# The seconds of a pixel of a splat, or a sample of a brick, on a software renderer with two cores.
+# The seconds to draw a pixel of a splat, or a sample of a ray in a brick, by a software renderer on two cores.
 _TYPICAL_PIXEL_SECONDS = 8e-9
 
-# The factor by which the sizes of cuts are computed beyond the number of cells asked for, because later requests are
-# mostly larger.
+# Sizes of cuts are computed for up to this many times the number of cells asked for, because later requests are mostly
+# for more cells.
 _LOOK_AHEAD = 4
 
-# The largest size of bricks: the ratio of the error of the whole volume as one cell to a tolerance, from which on the
-# tolerance counts as 0.
+# The largest size of a level of detail of bricks, which is the error of the whole volume as one cell divided by the
+# tolerance. Finer tolerances count as 0.
 _MAX_BRICK_SIZE = 2e6
-# The cost of a pixel under a brick besides its samples, in samples, on a software renderer.
+# The cost of each pixel that a brick covers, besides the cost of its samples, in samples, on a software renderer.
 _PER_PIXEL = 6.5
-# The exponent of the cost of a pass over a subsampled pixel grid: `stride^-_STRIDE_EXPONENT` of the time for all
-# pixels, as pixels are drawn in groups. The three constants were fitted to the engine and the bonsai, where times are
-# within a factor of 1.4; a shaded chest CT takes up to 1.8 times as long.
+# Drawing every `stride`-th pixel along both axes takes `stride^-_STRIDE_EXPONENT` of the time for all pixels; the
+# exponent is below 2, as pixels are drawn in groups. It was fitted, with _DIFFERING_SHARE and _THRESHOLD_EXPONENT, to
+# scans of an engine and a bonsai, whose times are predicted within a factor of 1.4; a shaded chest CT takes up to 1.8
+# times as long as predicted.
 _STRIDE_EXPONENT = 1.1
-# The factor of the share of pixels that differ from their interpolation, and are drawn in the next pass:
+# The predicted share of the pixels of a finer grid that are drawn, because the coarser grid is not smooth there:
 # `_DIFFERING_SHARE difference_threshold^-_THRESHOLD_EXPONENT`.
 _DIFFERING_SHARE = 0.1
-# The exponent of the share of pixels that differ from their interpolation.
+# The exponent, as -_THRESHOLD_EXPONENT, of the threshold in the predicted share of pixels that are drawn.
 _THRESHOLD_EXPONENT = 0.5
-# About the largest number of bricks from which the cost of all bricks is estimated.
+# The predicted cost of several rays in pixels, `_ANTIALIASED_SHARE contrast_threshold^-_CONTRAST_EXPONENT` of the time
+# of one ray a pixel. It was fitted to an engine, a bonsai, labels and a head at tolerances from 0.01 to 0.3, where this
+# cost is 0.3 to 2 times the time of one ray a pixel.
+_ANTIALIASED_SHARE = 0.12
+# The exponent, as -_CONTRAST_EXPONENT, of the threshold in the predicted cost of several rays in pixels.
+_CONTRAST_EXPONENT = 0.8
+# The largest cost of several rays in pixels, where nearly all pixels of the object have 16. At tolerance 0.001 the same
+# scenes take 3 to 8 times as long as with one ray a pixel.
+_MAX_ANTIALIASED_SHARE = 5.0
+# The number of additional scattered rays for each pixel, in a picture that has any: every other pixel gets one.
+_SCOUTS = 0.5
+# The cost of all bricks is estimated from about this many of them, or fewer.
 _MAX_SAMPLED_BRICKS = 4096
 
 
@@ -75,8 +87,10 @@ _MAX_SAMPLED_BRICKS = 4096
 class LOD(ABC):
     """A level of detail: the cells drawn at a tolerance, from any view.
 
-    batches: the batch of each group of layers. lines: the lines over the picture. orders: a function that returns the
-        visible elements of a view, in the orders in which they are drawn; all orders have the same elements.
+    batches: the splats or bricks of each group of layers on one grid of voxels.
+    lines: the edges and outlines to draw over the picture.
+    orders: a function that returns the elements that are visible in a view, in the orders in which they are drawn; all
+        orders have the same elements.
     """
 
     tolerance: float
@@ -110,9 +124,10 @@ class SplatLOD(LOD):
     batches: Sequence[SplatBatch]
 
     def num_pixels(self, orders: Orders, view: View) -> float:
-        """Return the pixels of the squares around footprints, in all orders."""
+        """Return the number of samples in the squares around the footprints of all splats, over all orders."""
         batch = self.batches[0]
-        return len(orders) * total_square_area_px(batch, orders[0][1][0], model_view(batch, view))
+        camera = model_view(batch, view.magnified(batch.samples_across))
+        return len(orders) * total_square_area_px(batch, orders[0][1][0], camera)
 
 
 @dataclass(frozen=True)
@@ -122,17 +137,19 @@ class BrickLOD(LOD):
     batches: Sequence[BrickBatch]
 
     def num_pixels(self, orders: Orders, view: View) -> float:
-        """Return the number of samples in bricks."""
+        """Return the estimated number of samples that rays take in bricks."""
         return sum(num_samples(*each, view) for each in zip(self.batches, orders[0][1], strict=True))
 
 
 class Primitive(ABC):
     """The base class of objects that turn a tolerance into a level of detail, for one footprint.
 
-    lod_type: the class of its levels of detail. levels_above: the number of octree levels from the cells in a cut to
-        the elements that are drawn: 0 for splats, more for bricks of cells.
-    initial_size: a size at which a frame shows its content. size_ratio: the ratio of one size worth trying to the
-        next, which is also the largest change at once.
+    lod_type: the class of the levels of detail.
+    levels_above: the number of octree levels from the cells in a cut to the elements that are drawn: 0 for splats, more
+        for bricks of cells.
+    initial_size: the size of a level of detail with which a search on a budget of time begins, enough to show the
+        content of a frame.
+    size_ratio: the factor from one size worth trying to the next, which is also the largest change of the size at once.
     """
 
     lod_type: ClassVar[type[LOD]]
@@ -160,11 +177,11 @@ class Primitive(ABC):
 
     @abstractmethod
     def _prepare(self, tolerance: float, lap: Lap) -> tuple[Sequence[Cut | BrickCut], Sequence[Any], OrderFinder]:
-        """Cut at a tolerance and end the step "cut"; return all cuts, all batches, and `LOD.orders`."""
+        """Make the cuts at a tolerance and call `lap("cut")`; return the cuts, the batches, and `LOD.orders`."""
 
     @abstractmethod
     def work(self, tolerance: float) -> float:
-        """Return the amount of work, in cells or samples. It mostly rises as the tolerance falls."""
+        """Return the work of drawing at a tolerance, in cells or samples. It mostly rises as the tolerance falls."""
 
     @abstractmethod
     def tolerance_for_cells(self, num_cells: float) -> float:
@@ -172,7 +189,7 @@ class Primitive(ABC):
 
     @abstractmethod
     def tolerance_for_size(self, size: float) -> float:
-        """Return the tolerance of the finest level of detail of at most a size."""
+        """Return the tolerance of the finest level of detail whose size is at most `size`."""
 
     @abstractmethod
     def lod_size(self, tolerance: float, num_cells: int) -> float:
@@ -187,14 +204,14 @@ class Primitive(ABC):
 
 
 def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
-    """Return the primitive of the scene's footprint."""
+    """Return the object that makes the levels of detail of the scene's footprint."""
     if stage.scene.needs_opengl:
         return SplatPrimitive(stage)
     return ExtremumPrimitive(stage) if stage.scene.mode.is_extremum else BrickPrimitive(stage)
 
 
 class SplatPrimitive(Primitive):
-    """A primitive that draws cells of the octree as splats. A size is a number of cells."""
+    """A primitive that draws cells of the octree as splats. The size of a level of detail is its number of cells."""
 
     lod_type, levels_above = SplatLOD, 0
     initial_size = 1000
@@ -229,7 +246,9 @@ class SplatPrimitive(Primitive):
     def _prepare(self, tolerance: float, lap: Lap) -> tuple[Sequence[Cut], Sequence[SplatBatch], OrderFinder]:
         cut, splat, blending = self._cut(tolerance), self._stage.scene.splat, self._stage.order_blending
         lap("cut")
-        batch, cells = make_splats(cut, splat), cut if splat.order == "boxes" else None
+        cell_px = self._stage.resolutions[0].voxel_px * 2.0 ** int(cut.levels.min(initial=MAX_LEVEL))
+        across = samples_across_at(tolerance, cell_px, splat)
+        batch, cells = make_splats(cut, splat, samples_across=across), cut if splat.order == "boxes" else None
 
         def orders(view: View) -> Orders:
             if splat.order == "depth":
@@ -249,8 +268,8 @@ class SplatPrimitive(Primitive):
 class BrickPrimitive(Primitive):
     """A primitive that draws cells as bricks, for the integrated footprint.
 
-    One order is enough, because bricks do not overlap. A size is the error of the whole volume as one cell, divided by
-    the tolerance.
+    One order is enough, because bricks do not overlap. The size of a level of detail is the error of the whole volume
+    as one cell, divided by the tolerance.
     """
 
     lod_type, levels_above = BrickLOD, BRICK_LEVELS
@@ -264,7 +283,7 @@ class BrickPrimitive(Primitive):
         self._largest_error = RAY_ERROR_FACTOR * max(errors) or 1.0
 
     def work(self, tolerance: float) -> float:
-        """Return the number of samples of rays along an axis, one through each column of cells."""
+        """Return the number of samples that rays along an axis would take, one ray through each column of cells."""
         samples = 0.0
         for batch in map(self._batch, self._cuts(tolerance), count(), repeat(tolerance)):
             low, high = batch.cut.visible_bounds[:, 0], batch.cut.visible_bounds[:, 1]
@@ -280,7 +299,7 @@ class BrickPrimitive(Primitive):
         return self._sizes.finest_within(max(1, int(min(num_cells, self._sizes.max_cells))))
 
     def tolerance_for_size(self, size: float) -> float:
-        """Return the tolerance of a size, rounded to two digits for the sake of records."""
+        """Return the tolerance of a level of detail of a size, rounded to two digits so that records are short."""
         tolerance = float(f"{self._largest_error / max(size, 1.0):.2g}") if size < _MAX_BRICK_SIZE else 0.0
         return tolerance if tolerance >= MIN_TOLERANCE else 0.0
 
@@ -296,7 +315,7 @@ class BrickPrimitive(Primitive):
         return cuts, batches, lambda view: [(1.0, [self._order(batch, view) for batch in batches])]
 
     def _tolerance(self, number: int, tolerance: float) -> float:
-        """Return the tolerance at which a group is drawn, in the unit of its projection if it has one."""
+        """Return the tolerance at which a group of layers is drawn; the mode of a projection may multiply it."""
         projection = self._stage.groups[number].projection
         return tolerance if projection is None else projection.tolerance_factor * tolerance
 
@@ -320,7 +339,7 @@ class BrickPrimitive(Primitive):
 class ExtremumPrimitive(BrickPrimitive):
     """A primitive that draws bricks of level 0, in which rays look for their most extreme scalar.
 
-    A tolerance only passes over bricks that change a pixel by little.
+    The tolerance has no effect on the cut; bricks that would change a pixel by less than it are passed over.
     """
 
     def __init__(self, stage: Stage) -> None:
@@ -334,7 +353,10 @@ class ExtremumPrimitive(BrickPrimitive):
         return extremes_at(self._all[number], tolerance, self._stage.resolutions[number].voxel_px)
 
     def _order(self, batch: BrickBatch, view: View) -> UInt32:
-        """Return the bricks with the largest bounds first, or front to back if depths or clipped rays count."""
+        """Return the visible bricks, those with the largest upper bounds first.
+
+        They come front to back if the extremum is coloured by its depth, or if something is clipped.
+        """
         order, extremes = visible_bricks(batch, view), batch.extremes
         assert extremes is not None
         is_sorted = not (extremes.by_depth or view.clip or batch.bricks.clip)
@@ -342,11 +364,11 @@ class ExtremumPrimitive(BrickPrimitive):
 
 
 def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:
-    """Estimate the number of samples of the field for a picture of `batch[order]`, with _PER_PIXEL more for each pixel.
+    """Estimate the number of samples for a picture of `batch[order]`, with _PER_PIXEL more for each pixel of a brick.
 
-    A box of volume V, projected in parallel along d, covers the area A = sum of |face . d| over three of its faces, and
-    the segments through it have the mean length V / A: the number of samples follows from volumes alone. In
-    perspective, a box is projected along the ray to its middle, at the scale there.
+    A box of volume V, projected in parallel along a direction d, covers the area A = sum of |face . d| over three of
+    its faces, and rays through it have the mean length V / A inside it: the number of samples follows from volumes
+    alone. In perspective, a box is projected along the ray to its middle, at the scale there.
     """
     if len(order) == 0:
         return 0.0
@@ -360,7 +382,7 @@ def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:
     faces = np.cross(edges[:, :, [1, 2, 0]], edges[:, :, [2, 0, 1]], axis=1)
     directions, scale_px = np.broadcast_to([0.0, 0.0, -1.0], centres.shape), np.full(len(chosen), camera.scale_px)
     if camera.perspective:
-        # From inside of a box, the direction to its middle is of no use: the eye is placed half a box away.
+        # From an eye inside of a box, the direction to its middle is arbitrary: the eye counts as half a box away.
         distances = np.maximum(np.linalg.norm(centres, axis=1), np.linalg.norm(edges.sum(axis=2), axis=1) / 2)
         directions, scale_px = centres / distances[:, None], camera.scale_px / distances
     areas = np.abs(np.einsum("nij,ni->nj", faces, directions)).sum(axis=1)
@@ -370,14 +392,18 @@ def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:
     num_pixels = np.minimum(areas * scale_px**2, float(np.prod(view.size)))
     depths = np.divide(volumes, areas, out=np.zeros_like(areas), where=areas > 0)
     samples = num_pixels * (depths * cells_per_length / batch.steps[chosen] + _PER_PIXEL)
-    return float(samples.mean()) * len(order) * _subsampling_cost_share(batch.screen_sampling)
+    return float(samples.mean()) * len(order) * _cost_of_lattices(batch.screen_sampling)
 
 
-def _subsampling_cost_share(screen_sampling: ScreenSampling) -> float:
-    """Return the ratio of the time of a subsampled picture to the time of a picture in which all pixels are drawn."""
+def _cost_of_lattices(screen_sampling: ScreenSampling) -> float:
+    """Return the predicted time of a picture, divided by the time of a picture with one ray in each pixel."""
     first, *others = screen_sampling.strides
     share = first**-_STRIDE_EXPONENT
     for stride in others:
         differing = min(1.0, _DIFFERING_SHARE * screen_sampling.difference_threshold**-_THRESHOLD_EXPONENT)
         share += differing * stride**-_STRIDE_EXPONENT
+    if screen_sampling.strides[-1] == 1:
+        share += _SCOUTS * screen_sampling.is_scouted
+        several = _ANTIALIASED_SHARE * screen_sampling.contrast_threshold**-_CONTRAST_EXPONENT
+        share += min(several, _MAX_ANTIALIASED_SHARE)
     return float(share)

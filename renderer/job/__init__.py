@@ -6,7 +6,7 @@ In: a `FilmJob`, a function that opens an executor, and a listener (`JobEvents`)
 - `film_job.py`: the film that is asked for; `film_making.py`: the job, step by step, in one pass; `refinement.py`: the
   job in several passes.
 - `plan.py`: the tolerances for the accuracy that a scene requests; `forecast.py`: predicts the cost of a film;
-  `trial_frames.py`: predicts it from frames that are drawn and encoded.
+  `trial_frames.py`: predicts it from frames that are drawn and encoded; `trial_encoding.py`: encodes some pictures.
 - `executor.py`: how frames are drawn, and drawing in this process; `picture_maker.py`: the pictures of a frame.
 - `output_writer.py`: writes the film, each frame while the next one is drawn, and the sidecar; `checkpoint.py`: keeps
   finished frames in files while the film is unfinished.

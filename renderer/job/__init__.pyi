@@ -41,4 +41,5 @@ from .checkpoint import (
 )
 from .output_writer import OutputWriter as OutputWriter, open_output as open_output
 from .plan import search_tolerances as search_tolerances
+from .trial_encoding import try_finer_encoding as try_finer_encoding
 from .trial_frames import choose_trials as choose_trials

@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from renderer.accuracy import NOTHING, Glance, finer_than_kept, look_ahead
+from renderer.accuracy import NOTHING, Glance, look_ahead
 from renderer.annotation import annotation_notes, require_annotation
 from renderer.errors import RenderError
 from renderer.film import film_notes, require_encoder
@@ -37,6 +37,7 @@ from renderer.record import (
     device_notes,
     film_fingerprint,
     find_finished_film,
+    limit_notes,
     make_film_record,
     shortfall_notes,
     summary_parts,
@@ -45,22 +46,25 @@ from renderer.record import (
 from renderer.scene import FilmScene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 
-# The listener is told the cost of a pass that is predicted to take at least this many seconds.
+# The listener is told the predicted cost of a pass only if the pass takes at least this many seconds.
 _LONG_S = 60.0
 
+# A function that opens the executor for a scene, as a context manager.
 OpenExecutor = Callable[[FilmScene], AbstractContextManager[Executor]]
+# A function that draws and writes a film, in one pass or several.
 Passes = Callable[["FilmInProgress"], "JobResult"]
 
 
 @dataclass(frozen=True)
 class JobResult:
-    """The result of a film job: a film that is made, or was up to date.
+    """The result of a film job: a film that was made, or was up to date.
 
+    film: the film and its record.
     file: the path of the film, or of the template of its frames, as the job's scene gives it.
     summary: a line on the film and its cost; empty for a film that was up to date.
-    volume_note: the note of the reader of the first volume.
-    shortfall: the error for an accuracy that was not reached.
-    glances: the faults of its pictures; none for a film that was up to date, whose pictures were not looked at.
+    volume_note: the note that the reader of the first volume made; None without one.
+    shortfall: the error for an accuracy that was not reached; None if it was.
+    glances: the faults of the pictures; empty for a film that was up to date, whose pictures were not looked at.
     """
 
     film: FinishedFilm
@@ -74,7 +78,7 @@ class JobResult:
 def make_film(
     job: FilmJob, open_executor: OpenExecutor, passes: Passes, events: JobEvents, *, resumes: bool = True
 ) -> JobResult:
-    """Lock the output and make the film, or return the film that is up to date.
+    """Lock the output and make the film of a job, or return the existing film if it is up to date.
 
     open_executor: a function that opens the executor for a scene.
     passes: a function that draws and writes the film: `one_pass`, or a `Refinement`.
@@ -86,7 +90,7 @@ def make_film(
     with open_output(job.scene.output, job.frames, job.sidecar, resumes=resumes) as output:
         events.locked()
         start = time.perf_counter()
-        # The output, the encoder, OpenGL and the cluster are tried before a voxel is read: they fail early.
+        # The output, the encoder, OpenGL and the cluster are tried before a voxel is read, so that errors come early.
         with open_executor(job.scene) as executor:
             before_reading = time.perf_counter()
             volumes = read_film_volumes(job.scene)
@@ -135,11 +139,11 @@ def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) 
 def _kept_film(
     output: OutputWriter, existing: FinishedFilm, fingerprint: FilmFingerprint, note: str | None, events: JobEvents
 ) -> JobResult:
-    """Return the result of a job whose film is up to date, and remove what is left of unfinished work on it.
+    """Return the result of a job whose film is up to date, and remove the remains of unfinished work on the film.
 
-    note: the note of the reader of the first volume.
+    note: the note that the reader of the first volume made; None without one.
     """
-    # A job that was killed when its film was complete has left its checkpoint and its mark.
+    # A job that was killed just after its film was complete has left a checkpoint, and the mark of an unfinished film.
     remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
     output.remove_mark()
     events.note(f"{output.spec.file} is up to date; --force draws it again")
@@ -147,10 +151,12 @@ def _kept_film(
 
 
 def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJob, FilmFingerprint]:
-    """Return the job and its fingerprint.
+    """Return the job and the fingerprint of its film.
 
-    A film that is made again meets the request of its original only if the fingerprints agree. If they differ, nobody
-    has measured the new film, and it counts as requested at the tolerances in the sidecar.
+    A film that is made again from a sidecar keeps the original request, such as an accuracy, only if the fingerprints
+    agree. If they differ, nobody has measured the new film, and the tolerances in the sidecar count as the request.
+
+    of_volumes: the fingerprint of the volumes. device: the device that draws.
     """
     fingerprint = film_fingerprint(job.scene, job.requested, of_volumes, device)
     if job.original is None or job.original.frames_digest == fingerprint.frames_digest:
@@ -162,7 +168,7 @@ def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJ
 def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> FilmStage:
     """Return the stage of a job's film. volumes: the volumes of the film, which were read before.
 
-    Raises InputError if the film is made again, and its original shows other volumes.
+    Raises InputError if the film is made again from a sidecar, and the original film shows other volumes.
     """
     if job.original is not None:
         job.original.require_volumes(volumes.fingerprint, [volume.name for volume in volumes.first])
@@ -175,7 +181,7 @@ def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> FilmStage:
     )
 
 
-# The passes of a film
+# Drawing and writing a film in passes
 
 
 @dataclass(frozen=True)
@@ -183,8 +189,8 @@ class FilmInProgress:
     """A film that is being made.
 
     start: the time by `perf_counter` at which the job began.
-    existing: the film that the output already has, if it may be used.
-    glances: the faults of the pictures.
+    existing: the film that the output already has; None without one, or if all frames are to be drawn again.
+    glances: the faults of the pictures, found before drawing.
     resumes: whether frames that an earlier job finished are kept.
     """
 
@@ -200,7 +206,7 @@ class FilmInProgress:
     resumes: bool
 
     def plan(self, estimator: LODCostEstimator, on_step: Callable[[], None] = lambda: None) -> FilmPlan:
-        """Find the tolerances for the goal of the scene.
+        """Find the tolerances of all frames that reach the goal of the scene.
 
         on_step: called before each trial drawing; an error that it raises ends the search.
         """
@@ -225,7 +231,7 @@ class FilmInProgress:
             for num, frame in enumerate(drawing):
                 try:
                     yield frame
-                except Exception as error:  # the writer ends the drawing, and takes frames that are in progress
+                except Exception as error:  # the writer ends the drawing, and still takes frames in progress
                     yield drawing.throw(error)
                     yield from drawing
                     return
@@ -243,9 +249,9 @@ class FilmInProgress:
             )
 
     def _tell_cost(self, seconds: float) -> None:
-        """Tell the listener the cost of a long pass. seconds: the predicted time to draw and store its frames."""
+        """Tell the listener the predicted cost of a long pass. seconds: the time to draw and store the frames."""
         if seconds >= _LONG_S:
-            first = self.output.first_pictures  # the last drawn frame, which is still being stored, is not in it
+            first = self.output.first_pictures  # without the last drawn frame, which is still being stored
             known = [(each, first[each.file][:NUM_NEIGHBOURS]) for each in self.output.shown if each.file in first]
             sizes = {each.file: film_cost(each, pictures, self.output.frames)[1] for each, pictures in known}
             self.events.predicted(Forecast(seconds, sizes))
@@ -256,9 +262,10 @@ class FilmInProgress:
         """Write the sidecar of the film of these frames, and return the result of the job.
 
         num_resumed: the number of frames that earlier jobs drew. passes: the records of the passes of the film.
-        The next job sees by the fingerprint in the sidecar that the film is up to date. A film that a single pass would
-        not have made has no fingerprint: a coarser pass, and a pass with tolerances that depend on the clock although
-        no budget of seconds was requested.
+
+        The next job sees by the fingerprint in the sidecar that the film is up to date. The sidecar gets no fingerprint
+        if a single pass would have made another film: after a pass that is coarser than requested, and after a pass
+        whose tolerances depend on the clock although no budget of seconds was requested.
         """
         scene, requested, devices = self.stage.scene, self.job.requested, self._devices(frames)
         shortfall = find_shortfall(plan, scene, requested, frames)
@@ -280,20 +287,17 @@ class FilmInProgress:
         is_lasting = record.schedule.reproducible or isinstance(requested.goal, TimeBudget)
         fingerprint = self.fingerprint if is_lasting and not plan.is_unfinished else None
         record = self.output.write_record(record, fingerprint)
-        made = record.accuracy
-        advice = finer_than_kept(made.interval[0], made.file.psnr_of_encoding) if made and made.file else None
-        if advice is not None:
-            self.events.note(advice)
+        for note in limit_notes(scene, record):
+            self.events.note(note)
         summary = ", ".join(summary_parts(scene, record, num_resumed))
-        note = self.stage.layers[0].volume.note
-        film = FinishedFilm(self.output.sidecar, record)
-        return JobResult(film, self.output.spec.file, summary, note, shortfall, self.glances)
+        film, of_volume = FinishedFilm(self.output.sidecar, record), self.stage.layers[0].volume.note
+        return JobResult(film, self.output.spec.file, summary, of_volume, shortfall, self.glances)
 
     def _notes(self) -> Iterator[str]:
         """Yield notes for the user on the output, the annotation, the pictures and the drawing."""
         yield from film_notes(self.output.spec)
         yield from annotation_notes(self.stage)
-        # That nothing is visible is left out, as the records of frames tell more about it.
+        # The fault that nothing is visible is left out, because the notes on blank frames tell more about it.
         yield from (each.note for each in self.glances if each.word != NOTHING)
         yield from self.executor.notes
 
@@ -333,9 +337,11 @@ def one_pass(film: FilmInProgress) -> JobResult:
 def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan) -> FrameCheckpoint:
     """Return a checkpoint with the finished frames that this job would draw alike.
 
-    The listener is told their number, and why other finished frames are drawn again. The sidecar of another film stays
-    until this film has its own, even while frames of this film replace frames of the other: this film may be made from
-    that sidecar, and the digests in that sidecar show which frames were replaced.
+    The listener is told their number, and why other finished frames are drawn again.
+
+    If the output has the sidecar of another film, this sidecar stays until the new film has its own, even while new
+    frames replace frames of the other film: the new film may be made from that sidecar, whose digests show which frames
+    were replaced.
     """
     output, events, fingerprint, existing = film.output, film.events, film.fingerprint, film.existing
     checkpoint = FrameCheckpoint(output.folder, output.spec, output.frames, fingerprint)
@@ -367,7 +373,7 @@ def _matches_plan(plan: FilmPlan, record: FrameRecord) -> bool:
 
 
 def _tell_resumable(film: FilmInProgress, checkpoint: FrameCheckpoint) -> None:
-    """Tell the listener, when the job ends early, how many frames are kept, and which command resumes the job."""
+    """Tell the listener of a job that ends early how many frames are kept, and which command resumes the job."""
     file, output = film.output.spec.file, film.output
     if checkpoint.records and output.folder.is_dir():
         command = "the same command" + " without --force" * (not film.resumes)

@@ -25,6 +25,7 @@ from renderer.film import (
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
+from renderer.job.trial_encoding import try_finer_encoding
 from renderer.record import (
     SIDECAR,
     FilmFingerprint,
@@ -38,10 +39,10 @@ from renderer.record import (
 from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
 from renderer.system import overlap
 
-# The largest number of frames that are decoded from a finished film and compared with the drawn frames. Decoding a
-# whole film would take a tenth of the time of its encoding.
+# At most this many frames are decoded from a finished film and compared with the drawn frames, as decoding a whole film
+# would take a tenth of the time of encoding it.
 _MAX_COMPARED = 8
-# The largest number of bytes of drawn pictures that are kept, to compare them with the decoded frames of a film.
+# At most this many bytes of drawn pictures are kept for each file, to compare them with the decoded frames of a film.
 _MAX_COMPARED_BYTES = 2**26
 
 
@@ -49,10 +50,10 @@ _MAX_COMPARED_BYTES = 2**26
 class OutputWriter:
     """A writer of a film to an output that its job has locked.
 
-    frames: the numbers of the frames, ascending.
-    folder: the folder for unfinished work.
-    first_pictures: the first pictures of each file, as the last call of `write_frames` wrote them. They are compared
-        with the decoded file.
+    spec: the output files. frames: the numbers of the frames, ascending.
+    sidecar: the path of the sidecar. folder: the folder for unfinished work.
+    first_pictures: the first pictures of each file, from the last call of `write_frames`, to compare with the decoded
+        file.
     """
 
     spec: OutputSpec
@@ -73,7 +74,8 @@ class OutputWriter:
     ) -> list[FrameRecord]:
         """Write the frames of a store and newly drawn frames to all files, and return the records of all frames.
 
-        drawn: a generator of the frames that the store lacks, in their order. They are saved in the store.
+        store: finished frames, such as a checkpoint; newly drawn frames are saved in it.
+        drawn: a generator of the frames that the store lacks, ascending.
         label: the name of the film, or of its pass, for the listener.
         defer_interrupts: called before files get their final names.
         is_overlapped: whether a frame is stored while the next one is drawn. If not, the time of storing it is part of
@@ -108,7 +110,7 @@ class OutputWriter:
             write = partial(self._write_and_remember, write_to_films)
             keep = partial(_store_frame, store=store, write=write, missing=missing)
             stored = overlap(frames(), keep) if is_overlapped else (keep(frame) for frame in frames())
-            # However the block ends, each drawn frame is stored before the block is left.
+            # Each drawn frame is stored before this block is left, also if an error ends it.
             with contextlib.closing(stored):
                 for record in stored:
                     records.append(record)
@@ -138,16 +140,17 @@ class OutputWriter:
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
         """Write the sidecar of a film. Return its record, in which paths are relative to the sidecar.
 
-        fingerprint: the fingerprint of the film, by which the next job sees that it is up to date; None for a film that
-        the next job makes again. With a fingerprint, the record gets the digest of each film in one file. The records
-        of numbered frames have digests in any case.
+        fingerprint: the fingerprint of the film, by which the next job sees that the film is up to date; None for a
+        film that the next job makes again. With a fingerprint, the record gets the digest of each encoded film file.
+        The records of numbered image files have digests in any case.
         """
         films, accuracy = [each for each in self.shown if not each.is_frames], record.accuracy
         digests = {} if fingerprint is None else {each.file: _digest(each.file) for each in films}
         losses = {} if accuracy is None else {each.file: self._loss(each) for each in films}
         if accuracy is not None and self.spec.file in losses:
-            num_compared = len(self.first_pictures[self.spec.file])
-            accuracy = with_encoding_loss(accuracy, losses[self.spec.file], num_compared)
+            pictures, loss = self.first_pictures[self.spec.file], losses[self.spec.file]
+            finer = try_finer_encoding(self.spec, pictures, loss, accuracy)
+            accuracy = with_encoding_loss(accuracy, loss, len(pictures), finer)
         outputs = tuple(
             OutputRecord(
                 str(each.file),
@@ -165,7 +168,7 @@ class OutputWriter:
         return record
 
     def remove_mark(self) -> None:
-        """Remove the mark that the files of the film are newer than its sidecar, as the sidecar now describes them."""
+        """Remove the mark file, which says that the film is newer than its sidecar, as the sidecar now describes it."""
         with translate_os_errors(self.sidecar):
             naming_mark(self.spec, self.sidecar).unlink(missing_ok=True)
 
@@ -178,7 +181,7 @@ class OutputWriter:
 def open_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path, *, resumes: bool) -> Iterator[OutputWriter]:
     """Lock an output, and yield its writer.
 
-    resumes: whether files that this film has not made are kept; InputError is raised if such a file is in the way.
+    resumes: whether files that were not made as this film are kept; InputError is raised if such a file is in the way.
     Raises OutputLockedError if another job is writing the output, and InputError or RenderError if a file cannot be
     written or an encoder is missing.
     """

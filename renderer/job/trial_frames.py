@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,27 +13,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.film import Picture, open_films
+from renderer.film import Picture
 from renderer.frame import FilmStage, LODCostEstimator, Stopwatch
 from renderer.job.events import JobEvents
 from renderer.job.executor import FINISHING_STEPS, DrawnFrame, Executor
 from renderer.job.forecast import Forecast
 from renderer.job.plan import make_plan
+from renderer.job.trial_encoding import film_bytes, trial_film
 from renderer.layers import frames_of_new_layers
 from renderer.record import FrameRecord
 from renderer.scene import FilmScene, OutputFile
 from renderer.system import overlap
 from renderer.volume import Float64
 
-# The number of frames that are drawn at each place along the path to predict the cost of a film. They are successive:
-# a frame after another costs less than the first, and encoders need a few frames to show the bytes that one more adds.
+# The number of frames that are drawn at each place along the path to predict the cost of a film. The frames are
+# successive: a frame after another one costs less than the first, and several frames are needed to see how many bytes
+# an encoder adds for one more.
 NUM_NEIGHBOURS = 3
 
 
 class Trial(NamedTuple):
     """Some successive frames that are drawn to predict the cost of a film.
 
-    num: the number of frames of the film whose cost is predicted from these frames.
+    frames: the numbers of the drawn frames. num: the number of frames of the film whose cost is predicted from them.
     """
 
     frames: Sequence[int]
@@ -80,7 +81,7 @@ def forecast_frames(
 
 
 def _encode_pictures(frame: DrawnFrame) -> DrawnFrame:
-    """Encode the pictures of a frame as a checkpoint does, and return the frame with the time of this in its record."""
+    """Encode the pictures of a frame as a checkpoint does; return the frame with the time of encoding in its record."""
     start = time.perf_counter()
     for picture in frame.pictures.values():
         _ = picture.content
@@ -91,8 +92,8 @@ def _encode_pictures(frame: DrawnFrame) -> DrawnFrame:
 def _longest_stage(record: FrameRecord) -> float:
     """Return the seconds that one more frame like this one adds to a film.
 
-    A frame is drawn, the frame before it is finished, and the one before that is encoded at the same time, so that the
-    longest of these three counts.
+    Three things happen at the same time, of which the longest counts: a frame is drawn, the frame before it is
+    finished, and the frame before these two is encoded.
     """
     finishing = sum(record.seconds.get(step, 0.0) for step in FINISHING_STEPS)
     encoding = record.seconds["encode"]
@@ -102,9 +103,10 @@ def _longest_stage(record: FrameRecord) -> float:
 def choose_trials(scene: FilmScene, frames: Sequence[int], num_places: int = 3) -> list[Trial]:
     """Return the trials by which the cost of a film is predicted.
 
-    There are trials of frames for which layers are made anew, of frames without new layers, and, for each file that
-    skips frames, of the first two frames that it shows.
-    num_places: the number of places along the path with trials, at least one.
+    There are trials of frames for which layers are made anew, and of frames without new layers. Each output file that
+    shows only some of the frames adds a trial of the first two frames that it shows.
+
+    frames: the numbers of the film's frames. num_places: the number of places along the path with trials, at least 1.
     """
     runs = [run for number in range(len(scene.film_layers)) for run in frames_of_new_layers(scene, number)]
     anew = {frame for first, last in runs for frame in range(first, last + 1)}
@@ -123,7 +125,10 @@ def choose_trials(scene: FilmScene, frames: Sequence[int], num_places: int = 3) 
 
 
 def film_cost(output: OutputFile, pictures: Sequence[Picture], frames: Sequence[int]) -> Float64:
-    """Return the seconds to encode a film of these frames, and its bytes, as predicted from some of its pictures."""
+    """Return the predicted seconds to encode a film, and its predicted bytes: float64 [2].
+
+    pictures: some pictures of the film, which are encoded for the prediction. frames: the numbers of the film's frames.
+    """
     one, several = np.array([_encode(output, pictures[:1]), _encode(output, pictures)])
     following = one if len(pictures) == 1 else np.maximum(several - one, 0.0) / (len(pictures) - 1)
     total: Float64 = one + (sum(map(output.shows, frames)) - 1) * following
@@ -133,10 +138,5 @@ def film_cost(output: OutputFile, pictures: Sequence[Picture], frames: Sequence[
 def _encode(output: OutputFile, pictures: Sequence[Picture]) -> tuple[float, float]:
     """Write a film of these pictures to a temporary folder, and return the seconds and the bytes that it takes."""
     start = time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
-        film = replace(output, file=Path(folder) / output.file.name, every=1, frame=None)
-        with open_films([film], [film.kind]) as write:
-            for number, picture in enumerate(pictures):
-                write(number, {0: picture})
-        seconds = time.perf_counter() - start
-        return seconds, float(sum(file.stat().st_size for file in Path(folder).iterdir()))
+    with trial_film(output, pictures) as film:
+        return time.perf_counter() - start, float(film_bytes(film))

@@ -27,22 +27,31 @@ class Voxels(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """A grid of pixels into which bricks are drawn, in tiles (renderer/draw/bricks/grid.py)."""
+    """A grid of rays into which bricks are drawn, in tiles (renderer/draw/bricks/grid.py)."""
 
-    # The side of a tile, in pixels of the grid.
+    # The side of a tile, in rays; a multiple of `rays_across`.
     side: int
-    # The pixels of the grid are every `stride`-th pixel of the image along both axes. The first one is at the centre
-    # of the image's first pixel.
+    # The pixels of the grid are every `stride`-th pixel of the picture along both axes, from pixel 0 on.
     stride: int
-    # [n, 4]: the left, top, right and bottom of each brick in pixels of the grid, half-open and inside the grid.
+    # The number of rays along each side of a pixel.
+    rays_across: int
+    # Whether the only ray of a pixel passes through a random place in it, and not through its middle.
+    is_scattered: bool
+    # The row of the picture that is the first row of the grid.
+    first_row: int
+    # The number of rows and of columns of pixels.
+    shape: tuple[int, int]
+    # [n, 4]: left, top, right and bottom of each brick, half-open, counted in rays of the grid and clipped to it.
     rectangles: NDArray[np.int64]
-    # [tiles + 1]: the bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
+    # [tiles + 1]: the bricks over tile k are `numbers[starts[k] : starts[k + 1]]`.
     starts: NDArray[np.int64]
+    # The numbers of the bricks over tiles, tile by tile, in draw order.
     numbers: NDArray[np.int64]
-    # [rows, columns]: the pixels of the grid that are drawn.
-    is_drawn: NDArray[np.bool]
-    # [rows, columns, 4]: the drawn pixels, premultiplied RGBA.
-    image: NDArray[np.float32]
+    # [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if pixel k
+    # has ray k alone.
+    places: NDArray[np.int32] | None
+    # [rays, 4]: premultiplied RGBA of the rays, or other amounts that they gather.
+    rays: NDArray[np.float32]
 
 
 class Shading(NamedTuple):
@@ -57,7 +66,7 @@ class Shading(NamedTuple):
 
 
 class Light(NamedTuple):
-    """The light and extinction of a layer if they depend on the view or on the length of the gradient."""
+    """The light on a layer and factors on its extinction, if these depend on the view or on the gradient's length."""
 
     shading: Shading
     # The share of the light that reaches each position.
@@ -68,27 +77,27 @@ class Light(NamedTuple):
     toward: NDArray[np.float64]
     # [3, 3]: the matrix from directions in index space to the world, up to a common factor.
     world_from_index: NDArray[np.float64]
-    # [n, 3]: a gradient's length in texels, the factor on extinction at this length, and the factor's slope up to the
-    # next row.
+    # [n, 3]: the length of a gradient between texels, the factor on extinction at this length, and the slope of the
+    # factor up to the next row's length.
     factors: NDArray[np.float32]
     # The position of the volume's centre in `grid` (x, y, z), in cells.
     first_cell: NDArray[np.float64]
 
 
 class FieldMask(NamedTuple):
-    """The labels that limit where a field is drawn."""
+    """The mask that limits where a field is drawn: a volume of labels."""
 
     # The mask's grid, for positions relative to the centre of the field's volume.
     grid: MaskGrid
-    # [bricks]: whether a part of each brick is outside the mask.
+    # [bricks]: whether a part of a brick is outside the mask.
     are_cut: NDArray[np.bool]
 
 
 class Field(NamedTuple):
     """The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them."""
 
-    # For each brick of voxels, PADDED_BRICK_SIZE^3 texels; with light, PADDED_BRICK_SIZE^3 gradients (x, y, z) follow
-    # them. If voxels are colours, each texel is (tau c, tau).
+    # For each brick of voxels, PADDED_BRICK_SIZE^3 texels; if the layer is lit, PADDED_BRICK_SIZE^3 gradients (x, y, z)
+    # follow them. If voxels are colours, each texel is (tau c, tau).
     scalars: NDArray[np.float32]
     # For each brick of means, PADDED_BRICK_SIZE^3 texels (tau c, tau).
     means: NDArray[np.float32]
@@ -109,7 +118,7 @@ class Field(NamedTuple):
     is_lit: bool
     # Whether faces that clipping cuts are lit by their own normals.
     lights_faces: bool
-    # The light; None without a light, or if it follows Lambert's law alone.
+    # The light; None without a light, or if `lambert` is all of it.
     light: Light | None
     # The mask that limits the field; None without a mask.
     mask: FieldMask | None
@@ -128,7 +137,7 @@ class LayerBricks(NamedTuple):
     is_mean: NDArray[np.bool]
     # [bricks]: whether a brick is near a face that clipping cuts.
     have_faces: NDArray[np.bool]
-    # The distance from such a face up to which points are lit by its normal, as a length in the world.
+    # Points up to this distance from a face that clipping cuts, in units of the world, are lit by the face's normal.
     face_depth: float
     # One field for each layer.
     fields: Sequence[Field]
@@ -137,17 +146,19 @@ class LayerBricks(NamedTuple):
 class SearchRules(NamedTuple):
     """The rules of a search for the most extreme scalar, which are the same in all bricks.
 
-    A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows
-    nothing, and 1 at the other end of the colours.
+    A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows nothing,
+    and 1 at the other end of the colour range.
     """
 
+    # The number of texel 0.
     offset: float
+    # The change of the number with the texel; below 0 to find the smallest scalar.
     slope: float
-    # A number counts only if it exceeds the largest number found so far by this.
+    # A brick or a cell is searched only if its bound exceeds the largest number so far by more than this.
     slack: float
-    # A number replaces the largest number found so far if it exceeds it by this.
+    # A number replaces the largest number so far only if it exceeds it by more than this.
     min_rise: float
-    # The number at which a ray ends.
+    # The number from which on a ray ends, as it needs no larger one.
     ceiling: float
     # Whether bricks come in the order of falling bounds; otherwise they come front to back.
     is_sorted: bool

@@ -92,8 +92,25 @@ class RefineRows(Protocol):
         image: NDArray[np.float32],
         factor: int,
         threshold: float,
-        is_drawn: NDArray[np.bool],
+        places: NDArray[np.int32],
     ) -> RefineRowsCall: ...
+
+class MarkContrastsCall(Protocol):
+    def __call__(
+        self,
+        *,
+        first_row: int,
+        end_row: int,
+    ) -> None: ...
+
+class MarkContrasts(Protocol):
+    def partial(
+        self,
+        *,
+        image: NDArray[np.float32],
+        threshold: float,
+        marks: NDArray[np.uint8],
+    ) -> MarkContrastsCall: ...
 
 class DrawTilesCall(Protocol):
     def __call__(
@@ -191,7 +208,7 @@ class MeasureChordsCall(Protocol):
     def __call__(
         self,
         *,
-        first_row: int,
+        positions_px: NDArray[np.float64],
         lengths: NDArray[np.float32],
     ) -> None: ...
 
@@ -361,6 +378,33 @@ class Kernels:
         opacity: float,
         min_side_px: float,
         image: NDArray[np.float32],
+    ) -> None: ...
+    mark_contrasts: MarkContrasts
+    def spread_contrasts(
+        self,
+        *,
+        image: NDArray[np.float32],
+        threshold: float,
+        pixels: NDArray[np.int64],
+        marks: NDArray[np.uint8],
+    ) -> None: ...
+    def follow_lines(
+        self,
+        *,
+        image: NDArray[np.float32],
+        threshold: float,
+        pixels: NDArray[np.int64],
+        marks: NDArray[np.uint8],
+    ) -> None: ...
+    def average_rays(
+        self,
+        *,
+        rays: NDArray[np.float32],
+        num_rays: int,
+        pixels: NDArray[np.int64],
+        threshold: float,
+        image: NDArray[np.float32],
+        differ: NDArray[np.bool],
     ) -> None: ...
     draw_tiles: DrawTiles
     draw_mixture: DrawMixture

@@ -2,10 +2,13 @@ from . import field_types as field_types
 from .accuracy_records import (
     accuracy_text as accuracy_text,
     film_accuracy as film_accuracy,
+    finer_file as finer_file,
+    flicker_text as flicker_text,
     frame_accuracy as frame_accuracy,
     with_encoding_loss as with_encoding_loss,
 )
 from .citation import bibtex as bibtex, methods_text as methods_text
+from .file_limits import limit_notes as limit_notes
 from .film_record import (
     BrickMemoryRecord as BrickMemoryRecord,
     DifferenceRecord as DifferenceRecord,
@@ -13,6 +16,7 @@ from .film_record import (
     FilmFingerprint as FilmFingerprint,
     FilmRecord as FilmRecord,
     FilmVisibility as FilmVisibility,
+    FinerFile as FinerFile,
     FrameRecord as FrameRecord,
     MeasuredRecord as MeasuredRecord,
     OutputRecord as OutputRecord,
@@ -71,4 +75,12 @@ from .visibility_records import (
     film_visibility as film_visibility,
     range_record as range_record,
     visibility_text as visibility_text,
+)
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .film_record import (
+    FrameAccuracy as FrameAccuracy,
+    SharedProbes as SharedProbes,
+    WorstFrame as WorstFrame,
 )

@@ -1,24 +1,56 @@
-"""Say how exact frames, and the film of them, are: from exact rays to records and words."""
+"""Turn the results of exact rays into records and words on how exact frames and films are."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
-from renderer.accuracy import MOST_DB, ErrorSamples, pool_samples, psnr, squared_error
-from renderer.record.film_record import FileAccuracy, FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
+from renderer.accuracy import (
+    LEVELS,
+    MOST_DB,
+    ErrorSamples,
+    SharedErrors,
+    error_products,
+    estimate_flicker,
+    pool_samples,
+    psnr,
+    squared_error,
+)
+from renderer.record.film_record import (
+    FileAccuracy,
+    FilmAccuracy,
+    FinerFile,
+    FlickerRecord,
+    FrameAccuracy,
+    FrameRecord,
+    Range,
+    SharedProbes,
+    WorstFrame,
+)
+from renderer.record.rounding import round_decibels, round_ratio
 
 if TYPE_CHECKING:
     from renderer.accuracy import Probe
 
+# Another encoding is recorded only if it gains at least this much PSNR, in decibels: less is not worth a change.
+_LEAST_GAIN_DB = 1.0
+# The number of decimal places of an error in a record, in levels of 8 bits.
+_PLACES_OF_LEVELS = 3
+# The recorded name of the method by which the pixels for exact rays are chosen.
 _METHOD = "stratified by the differences between neighbouring pixels"
 
 
 def frame_accuracy(probe: Probe) -> FrameAccuracy:
     """Return the record of the accuracy of a frame that rays have measured."""
-    samples = probe.samples
-    return FrameAccuracy(*_decibels(samples), samples.num, samples.variance, samples.largest, probe.largest_error)
+    samples, shared, largest = probe.samples, None, probe.samples.largest
+    if probe.shared is not None:
+        errors = tuple(round(LEVELS * error, _PLACES_OF_LEVELS) for error in probe.shared.errors)
+        shared = SharedProbes(probe.shared.first, errors)
+    return FrameAccuracy(
+        *_decibels(samples), samples.num, samples.variance, largest, probe.largest_error, samples.mean, shared
+    )
 
 
 def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
@@ -37,17 +69,66 @@ def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
         max(accuracy.largest_error for _, accuracy in measured),
         _METHOD,
         seed=0,
+        flicker=_flicker(pooled, [accuracy.shared for _, accuracy in measured if accuracy.shared is not None]),
     )
 
 
-def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int) -> FilmAccuracy:
-    """Return the accuracy of a film together with the accuracy of its file.
+def _flicker(errors: ErrorSamples, frames: Sequence[SharedProbes]) -> FlickerRecord | None:
+    """Return the record of flicker; None without two frames that share probes.
 
-    loss: the mean squared error between the frames as they were drawn and as they are decoded, in [0, 1]. It is added
-        to the error of the drawing, as the two are independent.
+    errors: samples of the squared error of all frames. frames: the shared probes of the frames that have any.
     """
-    both = min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
-    return replace(accuracy, file=FileAccuracy(both, min(psnr(loss), MOST_DB), num_frames))
+    pairs = [
+        error_products(_shared_errors(one), _shared_errors(other))
+        for one, other in pairwise(frames)
+        if one.first == other.first and len(one.errors) == len(other.errors)
+    ]
+    products = [each for each in pairs if each is not None]
+    if not products:
+        return None
+    pooled = pool_samples(products)
+    rms, (low, high) = estimate_flicker(errors, pooled)
+    return FlickerRecord(LEVELS * rms, (LEVELS * low, LEVELS * high), len(products), pooled.num)
+
+
+def _shared_errors(record: SharedProbes) -> SharedErrors:
+    return SharedErrors(record.first, tuple(error / LEVELS for error in record.errors))
+
+
+def flicker_text(flicker: FlickerRecord) -> str:
+    """Return `flicker 3.1 of 255 levels (2.6 to 3.9)`."""
+    low, high = flicker.interval
+    return f"flicker {flicker.rms:.1f} of 255 levels ({low:.1f} to {high:.1f})"
+
+
+def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int, finer: FinerFile | None) -> FilmAccuracy:
+    """Return the record of a film's accuracy, with the accuracy of its encoded file.
+
+    loss: the mean squared error between the drawn and the decoded frames, of colours in [0, 1].
+    num_frames: the number of frames compared. finer: another encoding that keeps more, or None.
+    """
+    kept = min(psnr(loss), MOST_DB)
+    return replace(accuracy, file=FileAccuracy(_file_psnr(accuracy, loss), kept, num_frames, finer))
+
+
+def finer_file(
+    accuracy: FilmAccuracy, keys: Mapping[str, Any], losses: tuple[float, float], bytes_ratio: float
+) -> FinerFile | None:
+    """Return the record of an encoding with other keys of the output; None if it gains little.
+
+    losses: the mean squared errors that the film's encoding and the other one add.
+    bytes_ratio: the bytes of the other file, divided by those of the film.
+    """
+    loss, finer_loss = losses
+    gained = _file_psnr(accuracy, finer_loss)
+    if gained < _file_psnr(accuracy, loss) + _LEAST_GAIN_DB:
+        return None
+    return FinerFile(keys, round_decibels(gained), round_ratio(bytes_ratio))
+
+
+def _file_psnr(accuracy: FilmAccuracy, loss: float) -> float:
+    """Return the PSNR of a file: the loss of its encoder is added to the error of drawing, as they are independent."""
+    return min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
 
 
 def accuracy_text(accuracy: FilmAccuracy) -> str:
@@ -61,21 +142,24 @@ def accuracy_text(accuracy: FilmAccuracy) -> str:
 def file_accuracy_text(accuracy: FilmAccuracy, psnr_of_encoding: float | None = None) -> str:
     """Return `file PSNR 40.7 dB (40.6 to 40.8)`.
 
-    psnr_of_encoding: of the decoded frames, measured from the frames as they were drawn; None for a file without loss.
+    psnr_of_encoding: the PSNR of the decoded frames against the drawn ones; None for a file without loss.
     """
     loss = 0.0 if psnr_of_encoding is None else squared_error(psnr_of_encoding)
     return f"file PSNR {_decibels_text(accuracy, loss)}"
 
 
 def _decibels_text(accuracy: FilmAccuracy, loss: float = 0.0) -> str:
-    """Return the PSNR with its interval; `loss` as in `with_encoding_loss`."""
+    """Return the PSNR with its interval, as text. loss: the mean squared error of encoding, which is added."""
     errors = [squared_error(each) + loss for each in (accuracy.psnr, *accuracy.interval)]
     value, low, high = (min(psnr(each), MOST_DB) for each in errors)
-    return f"at least {low:.0f} dB (no error seen)" if value >= MOST_DB else f"{value:.1f} dB ({low:.1f} to {high:.1f})"
+    if value >= MOST_DB:
+        return f"at least {low:.1f} dB"
+    return f"{value:.1f} dB ({low:.1f} {'or more' if high >= MOST_DB else f'to {high:.1f}'})"
 
 
 def _samples(accuracy: FrameAccuracy) -> ErrorSamples:
-    return ErrorSamples(accuracy.rays, squared_error(accuracy.psnr), accuracy.variance, accuracy.largest)
+    mean = squared_error(accuracy.psnr) if accuracy.mean is None else accuracy.mean
+    return ErrorSamples(accuracy.rays, mean, accuracy.variance, accuracy.largest)
 
 
 def _decibels(samples: ErrorSamples) -> tuple[float, Range]:

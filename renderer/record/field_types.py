@@ -79,6 +79,8 @@ FRAME = number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAM
 RANGE = schema.sequence_field(AMOUNT, "[smallest, largest]", count=2)
 INTERVAL = schema.sequence_field(DECIBELS, "[low, high]", count=2)
 SHARES = schema.sequence_field(AMOUNT, "a list of numbers", may_be_empty=True)
+LEVELS = number("a number from -255 to 255", (int, float), -255, 255)
+ERRORS = schema.sequence_field(LEVELS, "a list of numbers from -255 to 255")
 VECTOR = schema.sequence_field(COORDINATE, "[x, y, z]", count=3)
 SHAPE = schema.sequence_field(COUNT, "[x, y, z]", count=3)
 MATRIX = schema.sequence_field(schema.sequence_field(COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)

@@ -1,6 +1,6 @@
-"""The record of a film, which its sidecar stores: dataclasses, written to JSON and read back.
+"""Define the record of a film, which its sidecar stores: dataclasses that are written to JSON and read back.
 
-Each field declares its type and a sentence about it, from which reading, messages and docs/sidecar.md follow. Anybody
+Each field declares its type and a sentence about it; reading, messages and docs/sidecar.md are made from these. Anybody
 may have edited a sidecar: reading checks everything, and says where a mistake is.
 """
 
@@ -19,7 +19,10 @@ _MAPPINGS = schema.sequence_field(schema.MAPPING_FIELD, "a list of mappings")
 
 
 def _parse_scene(node: schema.TreeNode) -> Any:
-    """Parse a recorded scene, which is checked where it is used; paths are taken from these sections anywhere."""
+    """Parse a recorded scene without checking its values; only the sections that hold paths must be there.
+
+    The scene is checked when it is used.
+    """
     scene = types.DATA.parse(node)
     if scene is schema.INVALID:
         return scene
@@ -35,50 +38,71 @@ def _parse_scene(node: schema.TreeNode) -> Any:
 
 _SCENE: schema.FieldType[Any] = schema.FieldType("a mapping", _parse_scene)
 
+# The lower and the upper end of an interval, or the smallest and the largest of some values.
 Range = tuple[float, float]
+# Amounts by name, such as the seconds of each step.
 Amounts = Mapping[str, float]
 
 
-# Frames
+# Records of frames
+
+
+@dataclass(frozen=True)
+class SharedProbes:
+    """A record of the errors of a frame at the probes that it shares with a neighbouring frame."""
+
+    first: Annotated[int, types.FRAME, "The number of the first of the two frames."]
+    errors: Annotated[
+        tuple[float, ...], types.ERRORS, "The error at each shared probe, picture minus truth, in levels of 8 bits."
+    ]
 
 
 @dataclass(frozen=True)
 class FrameAccuracy:
     """A record of how exact a frame is, by exact rays through some of its pixels."""
 
-    psnr: Annotated[float, types.DECIBELS, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
-    interval: Annotated[Range, types.INTERVAL, "The true value lies between these in 95 % of cases or more."]
-    rays: Annotated[int, types.COUNT, "Their number."]
+    psnr: Annotated[float, types.DECIBELS, "The PSNR of the rounded picture, in decibels; 200 if probes see no error."]
+    interval: Annotated[
+        Range, types.INTERVAL, "In 95 % of cases or more, the true PSNR lies between these; 200 means no upper limit."
+    ]
+    rays: Annotated[int, types.COUNT, "The number of probed pixels, each of which has several rays."]
     variance: Annotated[float, types.AMOUNT, "The variance of the squared errors, weighted by the chances of pixels."]
-    largest: Annotated[float, types.AMOUNT, "The largest weighted squared error."]
-    largest_error: Annotated[float, types.AMOUNT, "The largest error of a channel, in [0, 1]."]
+    largest: Annotated[float, types.AMOUNT, "The largest magnitude of a weighted squared error, which may be below 0."]
+    largest_error: Annotated[
+        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; at edges it is too large."
+    ]
+    mean: Annotated[float | None, types.COORDINATE, "The mean squared error; if left out, that of the PSNR."] = None
+    shared: Annotated[SharedProbes | None, "The errors for flicker, if the frame shares probes with another."] = None
 
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """A record of one frame: its cut and its cost."""
+    """A record of one frame: its cut, its cost and its accuracy."""
 
-    frame: Annotated[int, types.FRAME, "Its number on the camera's path."]
-    tolerance: Annotated[float, types.AMOUNT, "The tolerance of its cut."]
-    cells: Annotated[int, types.COUNT, "The cells of the cut, each a brick or a splat."]
-    primitives: Annotated[int, types.COUNT, "The cells that the view can show and that are drawn."]
-    seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step; `encode` includes writing."]
-    digest: Annotated[str | None, types.DIGEST, "The digest of its file."] = None
-    digests: Annotated[Mapping[str, str] | None, types.DIGESTS, "Digests of its pictures for other outputs."] = None
-    predicted_seconds: Annotated[float | None, types.AMOUNT, "The time predicted for it, on a budget of time."] = None
-    device: Annotated[str | None, "The device of its worker, on a cluster."] = None
-    blank: Annotated[bool, "True where nothing of the volume shows."] = False
+    frame: Annotated[int, types.FRAME, "The number of the frame on the camera's path."]
+    tolerance: Annotated[float, types.AMOUNT, "The tolerance of the frame's cut."]
+    cells: Annotated[int, types.COUNT, "The number of cells of the cut, each a brick or a splat."]
+    primitives: Annotated[int, types.COUNT, "The number of cells that the view can show and that are drawn."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "The seconds of each step; `encode` includes writing."]
+    rays: Annotated[float | None, types.AMOUNT, "The mean number of rays for each pixel; left out for splats."] = None
+    digest: Annotated[str | None, types.DIGEST, "The digest of the frame's file."] = None
+    digests: Annotated[Mapping[str, str] | None, types.DIGESTS, "Digests of the pictures for other outputs."] = None
+    predicted_seconds: Annotated[float | None, types.AMOUNT, "The predicted seconds, on a budget of time."] = None
+    device: Annotated[str | None, "The device of the worker that drew the frame, on a cluster."] = None
+    blank: Annotated[bool, "True if nothing of the volume is visible."] = False
     values: Annotated[Mapping[str, Any] | None, types.DATA, "The values that move, by their keys in the scene."] = None
-    accuracy: Annotated[FrameAccuracy | None, "The accuracy of its picture, by exact rays."] = None
-    visible: Annotated[tuple[float, ...], types.SHARES, "The part of each range of scalars in its mean opacity."] = ()
+    accuracy: Annotated[FrameAccuracy | None, "The accuracy of the picture, by exact rays."] = None
+    visible: Annotated[
+        tuple[float, ...], types.SHARES, "The opacity that each range of scalars adds to the picture's mean opacity."
+    ] = ()
 
     def digest_of(self, kind: PictureKind) -> str | None:
-        """Return the digest of its picture of a kind, or else of its first picture."""
+        """Return the digest of the frame's picture of a kind; without one, that of the picture for the first output."""
         return (self.digests or {}).get(kind.name, self.digest)
 
     @property
     def total_seconds(self) -> float:
-        """Return the seconds from the start of the frame until the encoder had it."""
+        """Return the seconds of all steps, from the start of the frame until it was encoded."""
         return float(sum(self.seconds.values()))
 
 
@@ -87,49 +111,51 @@ _FRAMES = types.frames(_FRAME, "a list of one or more records of frames")
 
 
 def read_frame_record(value: object) -> FrameRecord | None:
-    """Return the record of a frame in plain data; None where it is none."""
+    """Return the record of a frame from plain data; None if the data are no such record."""
     return types.read_record(_FRAME, value)
 
 
-# Parts of a film's record
+# Records of other things, which a film's record has
 
 
 @dataclass(frozen=True)
 class VolumeRecord:
     """A record of the volume that was drawn."""
 
-    name: Annotated[str, "The name of its file, or of its formula."]
-    fingerprint: Annotated[str, types.DIGEST, "The digest of its voxels and their place in the world."]
-    dtype: Annotated[str, "The type of its voxels."]
-    shape: Annotated[tuple[int, int, int], types.SHAPE, "Its voxels along x, y and z."]
-    world_from_index: Annotated[tuple[tuple[float, ...], ...], types.MATRIX, "From voxel indices to the world."]
+    name: Annotated[str, "The name of the volume's file, or of its formula."]
+    fingerprint: Annotated[str, types.DIGEST, "The digest of the voxels and of their place in the world."]
+    dtype: Annotated[str, "The numeric type of the voxels."]
+    shape: Annotated[tuple[int, int, int], types.SHAPE, "The number of voxels along x, y and z."]
+    world_from_index: Annotated[
+        tuple[tuple[float, ...], ...], types.MATRIX, "The matrix from indices of voxels to the world."
+    ]
     unit: Annotated[str, "The unit of lengths in the world."] = ""
 
 
 @dataclass(frozen=True)
 class CameraRecord:
-    """A record of where the camera was."""
+    """A record of the camera's target and distance."""
 
-    target: Annotated[tuple[float, ...], types.VECTOR, "The position in the world that it looks at."]
-    distance: Annotated[float, types.AMOUNT, "From the eye to the target, in world units."]
+    target: Annotated[tuple[float, ...], types.VECTOR, "The position in the world that the camera looks at."]
+    distance: Annotated[float, types.AMOUNT, "The distance from the eye to the target, in units of the world."]
 
 
 @dataclass(frozen=True)
 class PyramidRecord:
     """A record of the pyramid of averages and errors."""
 
-    levels: Annotated[int, types.COUNT, "Its levels above the voxels."]
-    bytes: Annotated[int, types.COUNT, "Its memory."]
+    levels: Annotated[int, types.COUNT, "The number of levels above the voxels."]
+    bytes: Annotated[int, types.COUNT, "The memory of the pyramid, in bytes."]
     finest_level_drawn: Annotated[int, types.COUNT, "The level of the smallest cells that could be drawn."]
 
 
 @dataclass(frozen=True)
 class MeasuredRecord:
-    """A record of the search for the tolerance of an accuracy."""
+    """A record of the search for the tolerances that give a wanted accuracy, on some probe frames."""
 
-    metric: Annotated[str, "`psnr` or `rmse`."]
-    frame: Annotated[int, types.FRAME, "The probe frame with the worst value."]
-    probes: Annotated[tuple[Annotated[int, types.FRAME], ...], "All probe frames."]
+    metric: Annotated[str, "The metric of the accuracy: `psnr` or `rmse`."]
+    frame: Annotated[int, types.FRAME, "The probe frame with the worst value of the metric."]
+    probes: Annotated[tuple[Annotated[int, types.FRAME], ...], "The numbers of all probe frames."]
     worst: Annotated[float | None, types.AMOUNT, "The worst value; left out for the PSNR of equal pictures."] = None
 
 
@@ -141,71 +167,100 @@ class ScheduleRecord:
     tolerance: Annotated[Range, types.RANGE, "The smallest and the largest tolerance of a frame."]
     cells: Annotated[Range, types.RANGE, "The smallest and the largest number of cells of a frame."]
     met: Annotated[bool, "Whether the film reaches the requested accuracy."]
-    reproducible: Annotated[bool, "False where the tolerances depend on the speed of the machine."]
+    reproducible: Annotated[bool, "False if the tolerances depend on the speed of the machine."]
     shortfall: Annotated[str | None, "The goal that was missed, and by how much."] = None
-    measured: Annotated[MeasuredRecord | None, "The search for an accuracy."] = None
-    made_from: Annotated[str | None, "The sidecar that the film was made again from."] = None
+    measured: Annotated[MeasuredRecord | None, "The search for tolerances that give the accuracy."] = None
+    made_from: Annotated[str | None, "The sidecar from which the film was made again."] = None
 
 
 @dataclass(frozen=True)
 class WorstFrame:
-    """A record of the frame that is the least exact by its own rays."""
+    """A record of the least exact frame of a film, by the frame's own rays."""
 
-    frame: Annotated[int, types.FRAME, "Its number."]
-    psnr: Annotated[float, types.DECIBELS, "In decibels."]
-    interval: Annotated[Range, types.INTERVAL, "The true value lies between these in 95 % of cases or more."]
+    frame: Annotated[int, types.FRAME, "The number of the frame."]
+    psnr: Annotated[float, types.DECIBELS, "The PSNR of the frame, in decibels."]
+    interval: Annotated[
+        Range, types.INTERVAL, "In 95 % of cases or more, the true PSNR lies between these; 200 means no upper limit."
+    ]
+
+
+@dataclass(frozen=True)
+class FinerFile:
+    """A record of another encoding, which keeps more of a film. The compared frames were encoded in both ways."""
+
+    keys: Annotated[Mapping[str, Any], types.DATA, "The keys of the output that differ."]
+    psnr: Annotated[float, types.DECIBELS, "The PSNR of the decoded film against the exact pictures, in decibels."]
+    bytes_ratio: Annotated[float, types.AMOUNT, "The bytes with this encoding, divided by the bytes of the film."]
 
 
 @dataclass(frozen=True)
 class FileAccuracy:
-    """A record of the accuracy that is left after encoding."""
+    """A record of the accuracy of a film after encoding."""
 
-    psnr: Annotated[float, types.DECIBELS, "In decibels, of the decoded film against the exact pictures."]
-    psnr_of_encoding: Annotated[float, types.DECIBELS, "The same compared with the frames as they were drawn."]
+    psnr: Annotated[float, types.DECIBELS, "The PSNR of the decoded film against the exact pictures, in decibels."]
+    psnr_of_encoding: Annotated[
+        float, types.DECIBELS, "The PSNR of the decoded frames against the drawn frames, in decibels."
+    ]
     frames: Annotated[int, types.COUNT, "The number of frames compared, from the first on."]
+    finer: Annotated[FinerFile | None, "Another encoding, if the encoder loses more than drawing does."] = None
+
+
+@dataclass(frozen=True)
+class FlickerRecord:
+    """A record of flicker: how much the errors of pixels change from one frame to the next."""
+
+    rms: Annotated[float, types.AMOUNT, "The root mean square change of a channel, in levels of 8 bits, 0 to 255."]
+    interval: Annotated[Range, types.RANGE, "In 95 % of cases or more, the true change lies between these."]
+    pairs: Annotated[int, types.COUNT, "The number of pairs of neighbouring frames that share probes."]
+    probes: Annotated[int, types.COUNT, "The number of probes of all pairs."]
 
 
 @dataclass(frozen=True)
 class FilmAccuracy:
-    """A record of how exact the frames of a film are together, by their rays."""
+    """A record of how exact all frames of a film are together, by exact rays."""
 
-    psnr: Annotated[float, types.DECIBELS, "In decibels, of the mean squared error of all frames."]
-    interval: Annotated[Range, types.INTERVAL, "The true value lies between these in 95 % of cases or more."]
-    rays: Annotated[int, types.COUNT, "The rays through all frames."]
+    psnr: Annotated[float, types.DECIBELS, "The PSNR of all frames, from their mean squared error, in decibels."]
+    interval: Annotated[
+        Range, types.INTERVAL, "In 95 % of cases or more, the true PSNR lies between these; 200 means no upper limit."
+    ]
+    rays: Annotated[int, types.COUNT, "The number of probed pixels in all frames."]
     worst: Annotated[WorstFrame, "The least exact frame."]
-    largest_error: Annotated[float, types.AMOUNT, "The largest error of a channel, in [0, 1]."]
-    method: Annotated[str, "The way in which pixels are chosen."]
+    largest_error: Annotated[
+        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; at edges it is too large."
+    ]
+    method: Annotated[str, "The method by which pixels are chosen."]
     seed: Annotated[int, types.COUNT, "The seed of the choice of pixels."]
-    file: Annotated[FileAccuracy | None, "The accuracy of a film in one file; PNG files have the frames'."] = None
+    file: Annotated[FileAccuracy | None, "The accuracy of a film in one file; left out for PNG files."] = None
+    flicker: Annotated[FlickerRecord | None, "The change of the errors of drawn pictures from frame to frame."] = None
 
 
 @dataclass(frozen=True)
 class VisibleRange:
-    """A record of the share that a range of scalars has of everything visible."""
+    """A record of a range of scalars, with its share of everything visible."""
 
-    share: Annotated[float, types.AMOUNT, "Its share of the sum of transmittance times opacity."]
-    opacity: Annotated[float, types.AMOUNT, "Its largest opacity, per unit of the transfer function."]
-    low: Annotated[float | None, types.COORDINATE, "Its smallest scalar; left out where there is none."] = None
-    high: Annotated[float | None, types.COORDINATE, "The scalar at which it ends; left out where there is none."] = None
-    name: Annotated[str | None, "The labels with these values."] = None
+    share: Annotated[float, types.AMOUNT, "The range's share of the sum of transmittance times opacity."]
+    opacity: Annotated[float, types.AMOUNT, "The largest opacity in the range, per unit of the transfer function."]
+    low: Annotated[float | None, types.COORDINATE, "The smallest scalar; left out for a range without one."] = None
+    high: Annotated[float | None, types.COORDINATE, "The scalar at which the range ends; left out if none."] = None
+    name: Annotated[str | None, "The labels whose values are in the range."] = None
     layer: Annotated[int | None, types.COUNT, "The number of the volume, from 0, if there are several."] = None
 
 
 @dataclass(frozen=True)
 class OutputRecord:
-    """A record of a further file of the same drawing."""
+    """A record of a further output file, made from the same drawn frames as the first one."""
 
-    file: Annotated[str, "Its name, or the template of its frames, relative to the sidecar."]
-    frames: Annotated[int, types.COUNT, "Its frames."]
+    file: Annotated[str, "The file's name, or the template of its frames, relative to the sidecar."]
+    frames: Annotated[int, types.COUNT, "The number of frames in the file."]
     digest: Annotated[str | None, types.DIGEST, "The digest of a film in one file."] = None
     psnr_of_encoding: Annotated[
-        float | None, types.DECIBELS, "In decibels, of its first decoded frames against the drawn ones."
+        float | None, types.DECIBELS, "The PSNR of the first decoded frames against the drawn ones, in decibels."
     ] = None
 
 
 @dataclass(frozen=True)
 class FilmVisibility:
-    """A record of which scalars the pictures of a film show: its visibility histogram, by the rays of its accuracy."""
+    """A record of the scalars that the pictures of a film show: a visibility histogram, by the rays of its accuracy."""
 
     coverage: Annotated[float, types.AMOUNT, "The mean opacity of the pictures."]
     ranges: Annotated[
@@ -216,11 +271,11 @@ class FilmVisibility:
 
 @dataclass(frozen=True)
 class DifferenceRecord:
-    """A record of how much a pass changed."""
+    """A record of how much a pass of a progressive film changed the pictures of the pass before."""
 
-    rmse: Annotated[float, types.AMOUNT, "The root mean square change of pixels and channels in [0, 1]."]
-    frames: Annotated[int, types.COUNT, "The frames that were compared."]
-    psnr_db: Annotated[float | None, types.COORDINATE, "The same in decibels; left out where nothing changed."] = None
+    rmse: Annotated[float, types.AMOUNT, "The root mean square change of a channel, in [0, 1]."]
+    frames: Annotated[int, types.COUNT, "The number of frames that were compared."]
+    psnr_db: Annotated[float | None, types.COORDINATE, "The change as a PSNR, in decibels; left out if 0."] = None
 
 
 @dataclass(frozen=True)
@@ -229,26 +284,26 @@ class PassRecord:
 
     tolerance: Annotated[Range, types.RANGE, "The smallest and the largest tolerance of a frame."]
     cells: Annotated[Range, types.RANGE, "The smallest and the largest number of cells of a frame."]
-    predicted_seconds: Annotated[float, types.AMOUNT, "Its predicted time."]
-    seconds: Annotated[float, types.AMOUNT, "Its time."]
-    after_seconds: Annotated[float, types.AMOUNT, "The time from the start of the job to its end."]
+    predicted_seconds: Annotated[float, types.AMOUNT, "The predicted seconds of the pass."]
+    seconds: Annotated[float, types.AMOUNT, "The seconds of the pass."]
+    after_seconds: Annotated[float, types.AMOUNT, "The seconds from the start of the job to the end of the pass."]
     difference: Annotated[DifferenceRecord | None, "The difference from the pass before."] = None
 
 
 @dataclass(frozen=True)
 class PartRecord:
-    """A record of a part that a film was assembled from."""
+    """A record of a part from which a film was assembled."""
 
     sidecar: Annotated[str, "The sidecar of the part, relative to this one."]
     frames: Annotated[Range, types.RANGE, "The first and the last frame that was taken."]
     num_frames: Annotated[int, types.COUNT, "The number of frames that were taken."]
-    seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step of the part."]
-    measured: Annotated[MeasuredRecord | None, "The search for an accuracy."] = None
+    seconds: Annotated[Amounts, types.AMOUNTS, "The seconds of each step of the part."]
+    measured: Annotated[MeasuredRecord | None, "The search for tolerances that give the accuracy."] = None
 
 
 @dataclass(frozen=True)
 class BrickMemoryRecord:
-    """A record of the memory of bricks, on which no byte of a picture depends."""
+    """A record of the memory that bricks took; pictures do not depend on it."""
 
     needed: Annotated[int, types.COUNT, "The bytes of all visible bricks; beyond the limit, bricks are made again."]
     limit: Annotated[int, types.COUNT, "The most bytes that bricks may take."]
@@ -256,7 +311,7 @@ class BrickMemoryRecord:
 
 @dataclass(frozen=True)
 class FilmFingerprint:
-    """A fingerprint of a film: all that it depends on, besides the numbers of its frames."""
+    """A fingerprint of a film: all inputs that it depends on, besides the numbers of its frames."""
 
     frames_digest: Annotated[str, types.DIGEST, "The digest of `depends_on`."]
     encoding: Annotated[Mapping[str, Any], types.DATA, "Formats, frame rate, quality and codec of the files."]
@@ -270,30 +325,32 @@ class FilmFingerprint:
 
 @dataclass(frozen=True, kw_only=True)
 class FilmRecord:
-    """A record of the making of a film, and its cost: the content of the sidecar."""
+    """A record of how a film was made, at which cost: the content of the sidecar."""
 
     scene: Annotated[
         Mapping[str, Any],
         _SCENE,
         "A scene that draws the same frames, with every default.",
     ]
-    volume: Annotated[VolumeRecord, "The volume; of several, the first, with the digest of all their fingerprints."]
+    volume: Annotated[VolumeRecord, "The volume; of several volumes the first, with the digest of all fingerprints."]
     camera: Annotated[CameraRecord, "The camera."]
     pyramid: Annotated[PyramidRecord, "The pyramid."]
     device: Annotated[str, "OpenGL's device and driver for splats, the processor for bricks."]
     versions: Annotated[Mapping[str, str], types.TEXTS, "Versions of Python, hsplat and the packages used."]
-    schedule: Annotated[ScheduleRecord, "The accuracy."]
+    schedule: Annotated[ScheduleRecord, "The accuracy that was requested and reached."]
     notes: Annotated[tuple[str, ...], "Notes for the user."]
-    seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step of the whole film."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "The seconds of each step of the whole film."]
     accuracy: Annotated[FilmAccuracy | None, "The accuracy of all frames together, by exact rays."] = None
     visibility: Annotated[FilmVisibility | None, "The scalars that the pictures show, by the same rays."] = None
-    volumes: Annotated[tuple[VolumeRecord, ...], "Each volume, of several."] = ()
-    memory: Annotated[BrickMemoryRecord | None, "The memory of bricks, where one process drew."] = None
+    volumes: Annotated[tuple[VolumeRecord, ...], "All volumes, if there are several."] = ()
+    memory: Annotated[BrickMemoryRecord | None, "The memory of bricks, if a single process drew."] = None
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
-    fingerprint: Annotated[FilmFingerprint | None, "Left out where one pass would not have made this film."] = None
+    fingerprint: Annotated[
+        FilmFingerprint | None, "The fingerprint of the film; left out if a single pass would make another film."
+    ] = None
     digest: Annotated[str | None, types.DIGEST, "The digest of a film in one file."] = None
-    outputs: Annotated[tuple[OutputRecord, ...], "Further files of the same drawing."] = ()
+    outputs: Annotated[tuple[OutputRecord, ...], "Further output files, made from the same drawn frames."] = ()
     # The frames, of which there are many, come last in the file.
     frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
 
@@ -304,7 +361,10 @@ class FilmRecord:
 
 
 def late_frame_problems(record: FilmRecord, num_frames: int) -> list[Problem]:
-    """Return the problem of a film whose last frame comes after the end of the path in its scene, if it does."""
+    """Return a problem if the last frame of a film comes after the end of the path in its scene.
+
+    num_frames: the number of frames of the path.
+    """
     problems: list[Problem] = []
     node = schema.TreeNode(None, f"frames.{len(record.frames) - 1}.frame", problems)
     check_frame_in_path(node, record.numbers[-1], num_frames)

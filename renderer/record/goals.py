@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from renderer.accuracy import ROUNDING_ERROR, psnr, wanted_error
 from renderer.errors import RenderError
-from renderer.record.accuracy_records import accuracy_text, film_accuracy
+from renderer.record.accuracy_records import accuracy_text, film_accuracy, flicker_text
 from renderer.record.film_record import FilmRecord, FrameRecord, min_max
 from renderer.scene import (
     ErrorSpec,
@@ -24,16 +24,21 @@ from renderer.scene import (
     value_at,
 )
 
+# The hint of errors about a missed goal.
 BEST_EFFORT_HINT = "with --best-effort it is good enough"
 # A frame is in time if its seconds differ from its budget of seconds by at most this fraction of the budget.
 _TIME_MARGIN = 0.2
-# The fraction of a film's frames that may take longer than their budget of seconds without an error.
+# At most this fraction of a film's frames may take longer than their budget of seconds without an error.
 _MAX_LATE_FRACTION = 0.1
 # The steps of a frame whose results later frames can share: the cut, and the primitives and edges of its cells.
 _SHARED_STEPS = ("cut", "primitives", "edges")
-# The fraction of a film's frames that may be less exact than requested without an error.
-_MAX_MISSING_FRACTION = 0.05
+# The chance that the true PSNR of a frame lies above its interval, which holds the true value in 95 % of cases: the
+# frame may then seem less exact than it is.
+_CHANCE_BELOW_INTERVAL = 0.025
+# The number of frames that seem less exact than they are may exceed its mean by this many standard deviations.
+_MAX_DEVIATIONS = 3.0
 
+# The goal of a scene: a number of cells or of seconds for a frame, or an accuracy; None for a tolerance.
 Goal = SplatBudget | TimeBudget | MetricTarget | None
 
 
@@ -56,16 +61,16 @@ def missed_goal(goal: Goal, frames: Sequence[FrameRecord]) -> RenderError | None
 
 
 def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> RenderError | None:
-    """Return the error for frames that exact rays show to be surely less exact than the goal; else None.
+    """Return the error if exact rays show that the film, or too many frames, are surely less exact than the goal.
 
-    The rays also measure the error of rounding to 8 bits, which the goal does not count.
+    None if they are exact enough. The rays also measure the error of rounding to 8 bits, which the goal does not count.
     """
     film = film_accuracy(frames)
     if film is None:
         return None
     least = psnr(wanted_error(goal) + ROUNDING_ERROR)
     missing = [frame.frame for frame in frames if frame.accuracy is not None and frame.accuracy.interval[1] < least]
-    if film.interval[1] >= least and len(missing) <= _MAX_MISSING_FRACTION * len(frames):
+    if film.interval[1] >= least and len(missing) <= _most_missing_by_chance(len(frames)):
         return None
     which = f"; surely less on frame {first_few(missing)}" if missing else ""
     return RenderError(
@@ -77,10 +82,16 @@ def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> Re
     )
 
 
+def _most_missing_by_chance(num_frames: int) -> float:
+    """Return how many frames of a film that is as exact as requested may seem less exact by chance."""
+    mean = _CHANCE_BELOW_INTERVAL * num_frames
+    return mean + _MAX_DEVIATIONS * math.sqrt(mean)
+
+
 def _time_shortfall(goal: TimeBudget, frames: Sequence[FrameRecord]) -> RenderError | None:
     """Return the error if many frames took longer than their budget of seconds; else None.
 
-    Even the coarsest cut may take too long, and the machine may have become slower.
+    There are two causes: even the coarsest cut may take too long, or the machine may have become slower.
     """
     late = [frame for frame in frames if _predicted(frame) > (1 + _TIME_MARGIN) * _budget(goal, frame)]
     if len(late) <= _MAX_LATE_FRACTION * len(frames):
@@ -130,6 +141,8 @@ def summary_parts(scene: FilmScene, record: FilmRecord, num_resumed: int) -> Ite
     yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_resumed} drawn before)" if num_resumed else "")
     if record.accuracy is not None:
         yield accuracy_text(record.accuracy)
+        if record.accuracy.flicker is not None:
+            yield flicker_text(record.accuracy.flicker)
     yield f"{pluralize_range([frame.primitives for frame in frames], scene.primitive_name)} a frame"
     if goal is not None:
         yield f"tolerance {range_text([frame.tolerance for frame in frames])}"

@@ -44,6 +44,7 @@ def make_frame_record(frame: Frame, film: FilmStage) -> FrameRecord:
         cells=frame.num_cells,
         primitives=frame.num_primitives,
         seconds=frame.seconds,
+        rays=None if frame.rays_per_pixel is None else round(frame.rays_per_pixel, 2),
         predicted_seconds=frame.predicted_seconds,
         blank=bool(np.max(frame.radiance[..., 3], initial=0.0) < _MIN_VISIBLE_OPACITY),
         values=None if film.maker is None else moving_values(film.scene, frame.number),

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-# The number of decimal places of a share, in [0, 1]: a millionth of a picture is less than a pixel of most pictures.
+# The number of decimal places of a share in a record, in [0, 1]: a millionth of a picture is less than a pixel of most
+# pictures.
 _PLACES_OF_SHARES = 6
-# The number of decimal places of a PSNR, in decibels.
+# The number of decimal places of a PSNR in a record, in decibels.
 _PLACES_OF_DECIBELS = 2
-# The number of decimal places of a time, in seconds.
+# The number of decimal places of a ratio of costs in a record.
+_PLACES_OF_RATIOS = 2
+# The number of decimal places of a time in a record, in seconds.
 _PLACES_OF_SECONDS = 3
+
+
+def round_ratio(ratio: float) -> float:
+    """Return a ratio of costs, rounded as in records."""
+    return round(ratio, _PLACES_OF_RATIOS)
 
 
 def round_share(share: float) -> float:

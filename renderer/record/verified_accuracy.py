@@ -1,8 +1,8 @@
-"""Measure the accuracy of the pictures of a finished film by fresh exact rays, and find pictures of other films.
+"""Measure the accuracy of the pictures of a finished film by new exact rays, and find pictures that are not the film's.
 
-Numbered frames are the pictures whose accuracy was recorded. The loss of an encoder is no mistake: a frame of an
-encoded film is judged by the usual loss of the film. docs/commands.md says which faults are found, and how often
-wrongly.
+Numbered image files must be as exact as recorded. An encoded film is less exact than its recorded frames, which is no
+fault: a frame of it is judged by the usual loss in this film. docs/commands.md says which faults are found, and how
+often a fault is reported wrongly.
 """
 
 from __future__ import annotations
@@ -22,28 +22,38 @@ from renderer.record.accuracy_records import film_accuracy, frame_accuracy
 from renderer.record.film_record import FilmAccuracy, FrameAccuracy, FrameRecord
 from renderer.scene import OutputFile
 
-# The rays of a frame at first; they are at least doubled until the film is known well enough.
+# The number of probed pixels of a frame in the first measurement. It is at least doubled for each further measurement,
+# until the interval of the film's PSNR is narrow enough.
 _FEWEST_RAYS = 64
-# The most rays of a frame.
+# The largest number of probed pixels of a frame in a measurement.
 MOST_RAYS = 4096
-# The most frames that are measured, spread over a long film.
+# At most this many frames are measured, evenly spread over a long film.
 _MOST_FRAMES = 240
-# The factor on the usual loss that a frame of an encoded film may have; rounding to 8 bits is the least usual loss.
+# A frame of an encoded film is unusual if its squared error, and the squared error that it gained since it was
+# recorded, are more than this many times as large as usual in the film. The usual errors count as at least that of
+# rounding to 8 bits.
 _UNUSUAL = 4.0
-# The factor on a squared error up to which a frame counts as hardly worse than another one, or than its record.
+# A frame counts as hardly worse than another one, or than its record, if its squared error is at most this many times
+# as large.
 _HARDLY_WORSE = 2.0
-# The frames on each side of a frame that show nearly the same.
+# A film flickers far more than recorded if its flicker is surely more than this many times the upper end of the
+# recorded interval.
+_FAR_MORE_FLICKER = 1.5
+# This many frames before a frame, and as many after it, show nearly the same.
 _NUM_BESIDE = 4
-# The mean squared error that encoding may add, of colours in [0, 1]: the recorded error is of the first frames alone.
+# Encoding may add at most this mean squared error, of colours in [0, 1]. The recorded error of encoding does not tell
+# it, because it was measured on the first frames alone.
 _MOST_OF_ENCODING = 10 ** (-20 / 10)
 
 
 @dataclass(frozen=True)
 class RayOptions:
-    """Options of fresh rays.
+    """The options of the new exact rays.
 
-    num_threads: that trace them. seed: of the choice of pixels; the seed of rendering is 0.
-    precision_db: the largest distance of each end of the interval from the film's PSNR, in decibels.
+    num_threads: the number of threads that compute rays.
+    seed: the seed of the choice of pixels; a film job uses seed 0.
+    precision_db: measuring ends when each end of the interval is at most this far from the film's PSNR, in decibels; or
+        when the film is surely more exact than rounding to 8 bits.
     """
 
     num_threads: int
@@ -52,20 +62,22 @@ class RayOptions:
 
 
 class RayProgress(Protocol):
-    """A listener to the measurement; a listener to a film job is one, too."""
+    """A listener to the progress of the measurement; a listener to a film job can be used, too."""
 
     def started(self, label: str, num_frames: int) -> None:
-        """Take note that so many frames are measured from now on."""
+        """Take note that the measurement of `num_frames` frames begins."""
 
     def frame_finished(self, record: FrameRecord) -> None:
-        """Take note that a frame is measured."""
+        """Take note that a frame has been measured."""
 
 
 @dataclass(frozen=True)
 class FreshAccuracy:
-    """The accuracy of a film's pictures by fresh rays.
+    """The accuracy of a film's pictures by new exact rays.
 
-    num_frames: that were measured. problems: of pictures that are not the film's own.
+    num_frames: the number of frames that were measured.
+    is_precise: whether the interval is as narrow as RayOptions ask for.
+    problems: the problems of pictures that are not the film's own, or less exact than recorded.
     """
 
     accuracy: FilmAccuracy
@@ -77,7 +89,7 @@ class FreshAccuracy:
 def measure_pictures(
     stage: FilmStage, frames: Sequence[FrameRecord], options: RayOptions, progress: RayProgress
 ) -> FreshAccuracy:
-    """Measure the first output's pictures of these frames; of a long film, of some that are evenly spread."""
+    """Measure the pictures of frames in the first output; of a long film, only some evenly spread frames."""
     output = stage.scene.output
     rays = _Rays(stage, output, frames, options.num_threads, progress)
     chosen = spread_evenly(frames, _MOST_FRAMES, is_loop=True)
@@ -86,15 +98,16 @@ def measure_pictures(
         measured = rays.measure(chosen, num_rays, options.seed)
         accuracy = film_accuracy(measured)
         assert accuracy is not None, "each frame is measured"
-        width = max(accuracy.psnr - accuracy.interval[0], accuracy.interval[1] - accuracy.psnr)
-        is_precise = width <= options.precision_db or accuracy.psnr >= MOST_DB
+        low, high = accuracy.interval
+        width = max(accuracy.psnr - low, high - accuracy.psnr)
+        is_precise = width <= options.precision_db or low > psnr(ROUNDING_ERROR)
         if is_precise or num_rays == MOST_RAYS:
             break
         num_rays = min(MOST_RAYS, 2 * num_rays * max(1, round((width / options.precision_db) ** 2 / 2)))
     is_recorded = output.is_frames and all(frame.accuracy is not None for frame in chosen)
     limits = (_least_as_recorded if is_recorded else _least_usual)(chosen, [_psnr(frame) for frame in measured])
     problems = [*_film_problems(chosen, accuracy, output)]
-    # Suspects are measured again: few rays are often wrong about one of many frames.
+    # Suspicious frames are measured again with the most rays: few rays are often wrong about one of many frames.
     suspects = {each.frame: least for each, least in zip(measured, limits, strict=True) if _psnr(each) < least}
     for each in rays.measure([each for each in chosen if each.frame in suspects], MOST_RAYS, options.seed + 1):
         what = "is not the picture that was recorded" if is_recorded else "is far less exact than others"
@@ -104,7 +117,7 @@ def measure_pictures(
 
 @dataclass(frozen=True)
 class _Rays:
-    """Exact rays through the pictures of a film. frames: all that have pictures, in their order."""
+    """A measurement of the pictures of a film by exact rays. frames: the records of all its frames, ascending."""
 
     stage: FilmStage
     output: OutputFile
@@ -113,7 +126,7 @@ class _Rays:
     progress: RayProgress
 
     def measure(self, chosen: Sequence[FrameRecord], num_rays: int, seed: int) -> list[FrameRecord]:
-        """Return the records of chosen frames with the accuracy that so many rays through each find."""
+        """Return the records of chosen frames, with the accuracy that is measured at `num_rays` pixels of each."""
         if not chosen:
             return []
         prober = FrameProber(self.stage.first, num_rays, seed=seed, num_threads=self.num_threads)
@@ -127,7 +140,7 @@ class _Rays:
         return found
 
     def _pictures(self, numbers: set[int]) -> Iterator[tuple[FrameRecord, Pixels]]:
-        """Yield the frames of these numbers with their pictures."""
+        """Yield the records of the frames with these numbers, each with its picture."""
         if self.output.is_frames:
             for frame in (each for each in self.frames if each.frame in numbers):
                 yield frame, Picture(file=frame_path(self.output.file, frame.frame)).pixels
@@ -138,28 +151,41 @@ class _Rays:
 
 
 def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: OutputFile) -> Iterator[Problem]:
-    """Yield a problem where a film is far less exact than recorded, by more than the loss of encoding."""
+    """Yield the problems of a film that is far less exact than recorded, or flickers far more.
+
+    frames: the records of the measured frames. found: the measured accuracy.
+    """
     recorded = film_accuracy(frames)
     if recorded is not None:
         may_lose = 0.0 if output.is_frames else _MOST_OF_ENCODING
         least = psnr(_HARDLY_WORSE * squared_error(recorded.interval[0]) + may_lose)
         yield from _problems("far less exact than recorded", found, least, output)
+        if output.is_frames and recorded.flicker is not None and found.flicker is not None:
+            most, low = _FAR_MORE_FLICKER * recorded.flicker.interval[1], found.flicker.interval[0]
+            got, expected = f"at least {low:.1f} levels", f"at most {most:.1f} levels"
+            if low > most:
+                yield Problem("", "flickers far more than recorded", got, expected, location=str(output.file))
 
 
 def _problems(
     what: str, found: FilmAccuracy | FrameAccuracy | None, least: float, output: OutputFile, frame: int = 0
 ) -> Iterator[Problem]:
-    """Yield a problem where a whole interval lies below the least PSNR. frame: in whose file it is."""
+    """Yield a problem if an accuracy is surely below a PSNR: its whole interval is.
+
+    what: the fault, in words. least: the PSNR. frame: the number of the frame whose file the problem names.
+    """
     if found is not None and found.interval[1] < least:
         got, expected = f"at most {found.interval[1]:.1f} dB", f"at least {least:.1f} dB"
         yield Problem("", what, got, expected, location=str(frame_path(output.file, frame)))
 
 
 def _least_as_recorded(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[float]:
-    """Return for each frame the lower end of the PSNR that was recorded for this picture.
+    """Return, for each frame, the PSNR that it must have at least: the lower end of its recorded interval.
 
-    Few rays may have missed large errors, and recorded a frame as better than it is. Such a frame is hardly worse than
-    some frame beside it that is as recorded.
+    The few rays of a record may have missed large errors. Therefore a frame may also be hardly worse than a frame near
+    it that is as exact as recorded.
+
+    found: the measured PSNR of each frame.
     """
     lows = [_low(frame) for frame in frames]
     hardly_worse = [
@@ -170,9 +196,10 @@ def _least_as_recorded(frames: Sequence[FrameRecord], found: Sequence[float]) ->
 
 
 def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[float]:
-    """Return for each frame the PSNR below which it is unusual.
+    """Return, for each frame of an encoded film, the PSNR below which it is unusual.
 
-    Its error is several times as large as usual, and it has lost several times as much as usual since it was recorded.
+    The error of such a frame is several times as large as usual, and the error that it has gained since it was recorded
+    is several times as large as usual. found: the measured PSNR of each frame.
     """
     errors = [squared_error(value) for value in found]
     losses = [error - squared_error(_psnr(frame)) for frame, error in zip(frames, errors, strict=True)]
@@ -182,7 +209,7 @@ def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[
 
 
 def _usual(values: Sequence[float]) -> list[float]:
-    """Return for each frame the median of the film or, where that is more, of the frames beside it."""
+    """Return the usual value for each frame: the median over the film, or over the frames near it if that is more."""
     values = [max(value, ROUNDING_ERROR) for value in values]
     median, num = statistics.median(values), len(values)
     beside = ([values[at] for at in _beside(k, num)] for k in range(num))
@@ -190,7 +217,7 @@ def _usual(values: Sequence[float]) -> list[float]:
 
 
 def _beside(k: int, num: int) -> list[int]:
-    """Return the places of the frames beside one, which show nearly the same."""
+    """Return the indices of the frames near frame `k` of `num` frames, which show nearly the same."""
     return [each for each in range(max(k - _NUM_BESIDE, 0), min(k + _NUM_BESIDE + 1, num)) if each != k]
 
 

@@ -106,6 +106,7 @@ from .output_formats import (
 )
 from .output_section import (
     FRAME_FIELD as FRAME_FIELD,
+    MAX_QUALITY as MAX_QUALITY,
     OUTPUT_FILE_FIELD as OUTPUT_FILE_FIELD,
     OUTPUT_SECTION as OUTPUT_SECTION,
     Background as Background,

@@ -36,6 +36,7 @@ class Codec:
     decoder: the decoder of its films, if that is not ffmpeg's default.
     has_percent_quality: whether its scale of quality ends at 100, and not at 10.
     merges_frames: whether equal consecutive pictures become one picture that is shown for longer.
+    full_chroma_players: the programs that play its films with chroma of full resolution, and others that do not.
     """
 
     encoder: str
@@ -48,25 +49,30 @@ class Codec:
     decoder: str | None = None
     has_percent_quality: bool = False
     merges_frames: bool = False
+    full_chroma_players: str = ""
 
 
 _H264 = Codec(
     "libx264", ("yuv420p", "yuv444p"), (44.5, 1.4), ("-preset", "medium", *_THREADS, "-x264-params", _X264_PARAMS),
     crf=(40, 3), marks=(b"avc1",),
+    full_chroma_players="Chrome, VLC and mpv play it; Firefox, Safari and most devices do not",
 )  # fmt: skip
 _HEVC = Codec(
     "libx265", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.5),
     ("-preset", "medium", "-x265-params", _X265_PARAMS, "-tag:v", "hvc1"),
     ("yuva420p",), (40, 3), (b"hvc1",),
+    full_chroma_players="VLC and mpv play it; most browsers and devices do not",
 )  # fmt: skip
 _VP9 = Codec(
     "libvpx-vp9", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.2),
     ("-b:v", "0", "-deadline", "good", "-cpu-used", "2", "-row-mt", "1", *_THREADS), ("yuva420p",), (60, 5),
     (b"V_VP9",), "libvpx-vp9",
+    full_chroma_players="Chrome, Firefox, VLC and mpv play it; Safari and most devices do not",
 )  # fmt: skip
 _AV1 = Codec(
     "libaom-av1", ("yuv420p", "yuv420p10", "yuv444p"), (43.5, 1.1),
     ("-cpu-used", "6", "-row-mt", "1", *_THREADS), crf=(60, 5), marks=(b"av01", b"V_AV1"),
+    full_chroma_players="Chrome, Firefox, VLC and mpv play it; Safari and most devices do not",
 )  # fmt: skip
 _STILL_AV1 = Codec("libaom-av1", ("yuv444p", "yuv420p"), (45.5, 1.2), _AV1.options, ("yuva444p", "yuva420p"), _AV1.crf)
 _PRORES = Codec(

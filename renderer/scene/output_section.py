@@ -25,6 +25,8 @@ FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 MAX_SIDE = 16384
 # The keys of an output that choose and set its encoder. An output of another format cannot take them over.
 _ENCODER_KEYS = ("codec", "crf", "pixel_format")
+# The best quality.
+MAX_QUALITY = 10.0
 # The coarsest constant rate factor of any encoder.
 _MAX_CRF = 63
 
@@ -136,7 +138,7 @@ class OutputFile:
     size: Annotated[tuple[int, int], _SIZE] = (512, 512)
     frames_per_second: Annotated[float, schema.number_field(minimum=0.01, maximum=1000, motion=None)] = 30.0
     background: Annotated[Background | Motion[Background], _BACKGROUND] = (0.0, 0.0, 0.0)
-    quality: Annotated[float, schema.number_field(minimum=0, maximum=10, motion=None)] = 8.0
+    quality: Annotated[float, schema.number_field(minimum=0, maximum=MAX_QUALITY, motion=None)] = 8.0
     codec: Annotated[str | None, schema.TEXT_FIELD] = None
     crf: Annotated[float | None, schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)] = None
     pixel_format: Annotated[str | None, schema.TEXT_FIELD] = None
@@ -171,7 +173,14 @@ class OutputFile:
     @property
     def chosen_pixel_format(self) -> str:
         """Return the pixel format: the scene's choice, or the encoder's default."""
-        return self.pixel_format or _pixel_formats(self)[0]
+        return self.pixel_format or self.pixel_formats[0]
+
+    @property
+    def pixel_formats(self) -> tuple[str, ...]:
+        """Return the pixel formats that the format and the encoder have for these pictures, the default first."""
+        if self.is_frames:
+            return self.format.pixel_formats
+        return self.chosen_codec.with_alpha if self.background is None else self.chosen_codec.pixel_formats
 
     @property
     def chosen_crf(self) -> float | None:
@@ -237,12 +246,6 @@ class OutputSpec(OutputFile):
         return tuple(sorted({kinds.index(each.kind) for each in self.files if each.shows(frame)}))
 
 
-def _pixel_formats(output: OutputFile) -> tuple[str, ...]:
-    if output.is_frames:
-        return output.format.pixel_formats
-    return output.chosen_codec.with_alpha if output.background is None else output.chosen_codec.pixel_formats
-
-
 def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
     """Refuse values that the format of a file does not allow."""
     if not isinstance(given["file"], Path):
@@ -266,7 +269,7 @@ def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputForm
     codec_name, suffix = given.get("codec"), output_suffix(given["file"])
     is_transparent = given.get("background", INVALID) is None
     output = OutputFile(given["file"], codec=codec_name, background=None if is_transparent else (0.0, 0.0, 0.0))
-    formats = _pixel_formats(output)
+    formats = output.pixel_formats
     if not formats:
         what = f"a transparent background in {suffix}" + (f" with codec: {codec_name}" if codec_name else "")
         can = [each for each, other in FORMATS.items() if other.has_alpha]

@@ -5,4 +5,5 @@ from .splats import (
     SplatBatch as SplatBatch,
     make_footprint as make_footprint,
     make_splats as make_splats,
+    samples_across_at as samples_across_at,
 )

@@ -1,4 +1,4 @@
-"""Declare the options of a suggested film besides its volume and transfer function, such as those of a turntable."""
+"""Declare the options of a suggested film, such as a turntable, besides its volume and transfer function."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 
 from renderer.scene import OutputSpec, VolumeSpec, file_source
 
-# The words by which a user can steer a suggestion; `wishes.py` has a function for each. They stand here so that options
-# are declared without importing numpy.
+# The names of the presets that a user can ask for; `wishes.py` has a function for each. They stand here so that options
+# of the command line are declared without importing numpy.
 PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "labels")
 
 
@@ -16,15 +16,18 @@ PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "
 class FilmOptions:
     """The options of a turntable besides its volume.
 
-    background: a colour or `transparent`.
-    colormap, preset: as in `Wish`.
-    over: the file of a second volume, over which the first one is drawn.
+    frames: the number of frames of a turn. elevation: the angle of the camera above the horizon, in degrees.
+    axis: the world axis around which the camera turns. tolerance: the tolerance of all frames.
+    size: the width and height of pictures, in pixels. fps: frames per second.
+    background: a colour, or `transparent`.
+    colormap, preset: the colormap and the preset that the user asks for, as in `Wish`; None to choose by the volume.
+    over: the file of a second volume, over which the first one is drawn; None without one.
     """
 
     frames: int = 120
     elevation: float = 20.0
     axis: str = "z"
-    tolerance: float = 0.05
+    tolerance: float = 0.1
     size: tuple[int, int] = OutputSpec.size
     fps: float = OutputSpec.frames_per_second
     background: str = "#000000"

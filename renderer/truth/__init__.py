@@ -1,12 +1,14 @@
-"""The converged ray integral that pictures are measured against.
+"""Compute the truth with which pictures are compared: means over pixels of the converged ray integral.
 
-In: layers, each a `Volume` and its transfer function, and a `View`. Out: float64 images of the continuous fields:
-trilinear interpolation, then classification (Max 1995). Labels are not interpolated, but divide space into regions; a
-mask leaves some regions of a layer. `RayIntegrator.converge` halves the steps until nothing changes; verified by its
-order of convergence (Etiene et al. 2014).
+In: layers, each a `Volume` and its transfer function, and a `View`. Out: the float64 colours of rays through places in
+the picture, by the continuous fields: trilinear interpolation, then classification (Max 1995); and means of the colours
+over pixels. Labels are not interpolated, but divide space into regions; a mask shows a layer in some regions alone.
+`RayIntegrator.converge` halves the steps until nothing changes (Etiene et al. 2014).
 
+- `pixel_means.py`: the mean over each pixel, by as many rays as it needs, and its variance; `places.py`: the places in
+  the picture that the rays pass through.
 - `scene_rays.py`: the rays of a scene, in the colours of its mode, and the search for the largest scalar of a ray.
-- `integrator.py`: pixels to rays in each layer's grid, and steps halved until they converge; `optics.py`: layers, their
+- `integrator.py`: places to rays in each layer's grid, and steps halved until they converge; `optics.py`: layers, their
   transfer functions and their light, as kernels take them; `kept_parts.py`: the parts of rays that clipping leaves.
 - In the kernels: `truth_integral.cpp`, one ray through all layers; `truth_layer.h`, its pieces in one layer;
   `truth_extremum.cpp`, its largest scalar; `truth_cells.h`, the cells along a ray; `truth_cells.cpp`, the voxels at

@@ -1,4 +1,7 @@
-"""Find the parts of rays that the clip planes and boxes of a view leave, in world units, and what they remove."""
+"""Find the parts of rays that the clip planes and boxes of a view leave, and the sets of points that they remove.
+
+Lengths along rays are in units of the world.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,16 @@ from renderer.scene import ClipSpec
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
-# Where rays enter and leave what is clipped away, float64 [n] each; both infinity where they do not meet it.
+# A list of sets of points that are clipped away: the lengths at which each of n rays enters and leaves a set, float64
+# [n] each; both are infinity for a ray that does not meet the set.
 Ranges = list[tuple[Float64, Float64]]
 
 
 def removed_sets(volume: Volume, view: View) -> list[RemovedSet]:
-    """Return what the planes and boxes of a view clip away of a volume; an inverted box leaves what six planes do."""
+    """Return the sets of points that the planes and boxes of a view clip away, in a volume's index space.
+
+    A box that is inverted, and so clips away its outside, is replaced by six planes, one for each face.
+    """
     found, everywhere = [], np.full(3, np.inf)
     world_from_index = volume.world_from_index[:3]
     for each in view.clip:
@@ -36,9 +43,10 @@ def removed_sets(volume: Volume, view: View) -> list[RemovedSet]:
 
 
 def keep_parts(view: View, point_world: Float64, origins: Float64, directions: Float64, starts: Float64) -> Float64:
-    """Return the parts of rays that are kept, one behind the other: float64 [n, k, 2], some of them empty.
+    """Return the parts of rays that clipping leaves, one behind the other: float64 [n, k, 2], some of them empty.
 
-    origins: float64 [n, 3], relative to the point and in world axes, as directions. starts: float64 [n].
+    origins, directions: float64 [n, 3], in world axes; origins are relative to `point_world`. starts: float64 [n], the
+    lengths along rays at which they begin.
     """
     ranges: Ranges = []
     for each in view.clip:
@@ -57,7 +65,10 @@ def keep_parts(view: View, point_world: Float64, origins: Float64, directions: F
 
 
 def _clipped_ranges(clip: ClipSpec, origins: Float64, directions: Float64) -> Ranges:
-    """Return the ranges of rays that a plane or a box clips away. origins, directions: in its own axes and origin."""
+    """Return the ranges of rays that a plane or a box clips away.
+
+    origins, directions: float64 [n, 3], in the axes, and from the origin, in which the plane or the box is given.
+    """
     if clip.plane is not None:
         normal = np.array(clip.plane.normal) * (-1.0 if clip.invert else 1.0)
         first, last = _ranges_above((origins - clip.plane.point) @ normal, directions @ normal)
@@ -73,7 +84,10 @@ def _clipped_ranges(clip: ClipSpec, origins: Float64, directions: Float64) -> Ra
 
 
 def _ranges_above(heights: Float64, slopes: Float64) -> tuple[Float64, Float64]:
-    """Return where lines, by their heights at 0 and their slopes, are above 0; both infinity where they never are."""
+    """Return where straight lines begin and end to be above 0; two infinities for a line that never is.
+
+    heights: of the lines at the position 0. slopes: their rise per unit of length.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         at = np.where(slopes == 0.0, np.where(heights > 0.0, -np.inf, np.inf), -heights / slopes)
     return np.where(slopes < 0.0, -np.inf, at), np.where(slopes < 0.0, at, np.inf)

@@ -14,23 +14,27 @@ from renderer.scene import FACE_DEPTH, ClipSpec, ShadingSpec
 from renderer.transfer import NO_LIGHT_GRID, TransferFunction
 from renderer.volume import Float64, Volume
 
-# Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
-# sums, differences and slopes then neither overflow nor vanish.
-_LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
-# Cells along each axis of a macrocell, as in `truth_cells.h` of the kernels.
+# The largest scalar or control value is scaled up to at least 2 to this power, so that differences and slopes do not
+# vanish. Usual values need no scaling.
+_LEAST_EXPONENT = -50
+# The largest scalar or control value is scaled down to at most 2 to this power, so that sums do not overflow.
+_LARGEST_EXPONENT = 1000
+# The number of cells along each axis of a macrocell, as in `truth_cells.h` of the kernels.
 _MACROCELL_SIZE = 4
 
 
 class TrueLayer(NamedTuple):
-    """A volume in a picture, and how it is shown.
+    """A layer of a picture for exact rays: a volume, and how it is shown.
 
-    shading: colour times ambient + diffuse * max(0, n . light), n the negative normalised world gradient (central
-        differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
-        gradient is zero; and what else `ShadingSpec` says.
-    weight: a factor on extinction. clip: of this layer alone, besides those of the view.
-    Between labels nothing is interpolated: at each point, one of those around it wins, and the gradient is that of the
-    smoothed opacities of voxels, which are 0 around the volume. A volume with a mask is shown where 1 wins in that, and
-    not beyond its border.
+    Labels are not interpolated: at each point, the label rule chooses the label of one of the voxels around it. The
+    gradient there is that of the smoothed opacities of voxels, which are 0 outside of the volume. A volume with a mask
+    is shown at the points to which this rule gives the mask's label 1, and not beyond the mask's border.
+
+    shading: colours are multiplied by ambient + diffuse * max(0, n . light), where n is the negative normalised world
+        gradient (central differences at voxel centres, one-sided at the border, interpolated trilinearly); by ambient
+        alone if the gradient is zero. Highlights and other effects are as in `ShadingSpec`.
+    weight: a factor on extinction.
+    clip: planes and boxes that clip this layer alone, in addition to those of the view.
     """
 
     volume: Volume
@@ -42,7 +46,7 @@ class TrueLayer(NamedTuple):
 
 
 def optics_of(layer: TrueLayer) -> LayerOptics:
-    """Return a layer as the kernel takes it."""
+    """Return a layer as the record LayerOptics, which kernels take."""
     values = readable_values(layer.volume)
     scale = largest_magnitude_scale(layer.volume, layer.transfer)
     intervals, spec = intervals_of(layer.transfer, scale), layer.shading
@@ -58,33 +62,34 @@ def optics_of(layer: TrueLayer) -> LayerOptics:
 
 
 def _label_opacities(intervals: Intervals, finest_spacing: float) -> Float64:
-    """Return the opacity of a voxel of each number up to the first one above all control points."""
+    """Return the opacity of a voxel by the number of its label, from 0 to the first number above all control points."""
     numbers = np.arange(math.floor(intervals.knots[-1] / intervals.scale) + 2) * intervals.scale
     rows = intervals.rows[np.searchsorted(intervals.knots, numbers, side="right")]
     return np.asarray(-np.expm1(-(rows[:, 3] + rows[:, 7] * (numbers - rows[:, 8])) * finest_spacing))
 
 
 def for_macrocells(shape: tuple[int, ...], unknown: Any) -> npt.NDArray[Any]:
-    """Return what is known about each macrocell of a volume of this shape, which is nothing yet."""
+    """Return an array with one element for each macrocell of a volume of this shape, each with the value `unknown`."""
     return np.full([num // _MACROCELL_SIZE + 1 for num in shape], unknown)
 
 
 def readable_values(volume: Volume) -> npt.NDArray[Any]:
-    """Return the values of a volume in a dtype that kernels read: they lack float16, of which a copy is exact."""
+    """Return the values of a volume in a dtype that kernels read; float16, which they do not, becomes float32."""
     return volume.values.astype(np.float32) if volume.values.dtype == np.float16 else volume.values
 
 
 def largest_magnitude_scale(volume: Volume, transfer: TransferFunction) -> float:
-    """Return a power of two that brings the largest scalar or control value to where sums and slopes are finite."""
+    """Return the power of two by which scalars are multiplied, so that their sums and slopes are finite."""
     largest = max(_least_largest(volume), float(np.abs(transfer.values).max()))
     exponent = math.frexp(largest)[1]
     return math.ldexp(1.0, min(max(exponent, _LEAST_EXPONENT), _LARGEST_EXPONENT) - exponent)
 
 
 def _least_largest(volume: Volume) -> float:
-    """Return what the largest magnitude of the values may be taken for, where control values are no larger.
+    """Return a number for the largest magnitude of the volume's values, which is used if control values are smaller.
 
-    Only for float64 it is the largest itself, which takes a pass over all values: float64 has room for scaled float32.
+    For float64 it is the largest magnitude itself, which takes a pass over all values. For other dtypes it is a lower
+    bound, because float64 has room for their scaled values.
     """
     dtype = volume.values.dtype
     if dtype == np.float64:
@@ -101,7 +106,7 @@ def intervals_of(transfer: TransferFunction, scale: float) -> Intervals:
     # An interval of width 0 is a step. No value falls into it, so that its slope is never used.
     with np.errstate(over="ignore"):
         slope[1:-1] = np.divide(rise, run, out=np.zeros_like(rise), where=run > 0)
-    slope[~np.isfinite(slope)] = 0.0  # narrower than 1e-300 of the largest value: a step
+    slope[~np.isfinite(slope)] = 0.0  # an interval narrower than 1e-300 of the largest value is a step
     base = np.concatenate([points[:1], points])
     origin = np.concatenate([knots[:1], knots])
     num_opaque_below = np.concatenate([[0], np.cumsum(points[:, 3] > 0)])
@@ -112,7 +117,8 @@ def shading_of(spec: ShadingSpec, grid: LightGrid, volume: Volume, scale: float)
     """Return the light on rays for scalars that are multiplied by `scale`."""
     index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     is_camera = spec.light == "camera"
-    light = np.array((0.0, 0.0, 1.0) if is_camera else spec.light, np.float64)  # the camera's is that of each ray
+    # With light from the camera, the direction is not used: kernels take that of each ray.
+    light = np.array((0.0, 0.0, 1.0) if is_camera else spec.light, np.float64)
     return RayShading(
         is_plain=spec.is_plain,
         is_camera=is_camera,
@@ -125,14 +131,14 @@ def shading_of(spec: ShadingSpec, grid: LightGrid, volume: Volume, scale: float)
         face_depth=FACE_DEPTH * volume.finest_spacing,
         light=light / np.linalg.norm(light),
         world_from_index=np.linalg.inv(index_from_world),
-        world_from_gradient=index_from_world.T,  # the transposed inverse of the map of points
+        world_from_gradient=index_from_world.T,  # the transposed inverse of the matrix for points
         factors=_gradient_factors(spec.gradient_opacity or (), scale),
         grid=grid,
     )
 
 
 def _gradient_factors(points: Sequence[tuple[float, float]], scale: float) -> Float64:
-    """Return `RayShading.factors` of pairs of a magnitude and a factor."""
+    """Return `RayShading.factors`. points: pairs of a gradient's magnitude and the factor on extinction there."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         magnitudes, factors = np.array(points, np.float64).reshape(-1, 2).T * [[scale], [1.0]]
         slopes = np.append(np.diff(factors) / np.diff(magnitudes), 0.0)[: len(points)]

@@ -1,4 +1,4 @@
-"""Compute the exact rays of a scene: what its mode shows of the continuous field."""
+"""Compute the exact colours of rays through a scene, in its mode: light, or another number of a ray."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ from renderer.transfer import TransferFunction
 from renderer.truth.integrator import Convergence, Progress, RayIntegrator, ignore, in_parts, index_rays
 from renderer.truth.optics import TrueLayer, for_macrocells, largest_magnitude_scale, readable_values
 from renderer.view import View
-from renderer.volume import Float64, Int64, Volume
+from renderer.volume import Float64, Volume
 
-# Of projections by depth: of two maxima that differ by less than this share of the colour range, the nearer one counts.
+# If the extremum of a ray is coloured by its depth, a maximum replaces a nearer one only if it is larger by at least
+# this share of the colour range.
 _LEAST_RISE = 2.0**-18
 
 
 class SceneRays:
-    """A bundle of exact rays of a stage's scene, in any view, as premultiplied RGBA.
+    """The exact rays of a stage's scene: they compute the premultiplied RGBA of rays in any view.
 
-    Layers that are projected are projected each by itself, and add up, times their weights.
+    If the scene's mode shows a number of a ray in place of light, each layer is computed by itself, and the colours of
+    layers times their weights are added.
     """
 
     def __init__(self, stage: Stage, *, num_threads: int = 2) -> None:
@@ -40,49 +42,56 @@ class SceneRays:
         bundles = [[layer] for layer in seen] if alone else [seen]
         self._integrators = [RayIntegrator(bundle, adds=self._adds, num_threads=num_threads) for bundle in bundles]
 
-    def integrate(self, view: View, pixels: Int64, step_voxels: float) -> Float64:
-        """Return the colours of pixels, float64 [n, 4], at one step; parameters as in `RayIntegrator.integrate`."""
+    def integrate(self, view: View, places: Float64, step_voxels: float) -> Float64:
+        """Return the colours of rays, float64 [n, 4], with one step; parameters as in `RayIntegrator.integrate`."""
         if self._searches:
-            return self._sum([search.gather(view, pixels) for search in self._searches], view, pixels)
-        return self._sum([each.integrate(view, pixels, [step_voxels])[0] for each in self._integrators], view, pixels)
+            return self._sum([search.gather(view, places) for search in self._searches], view, places)
+        return self._sum([each.integrate(view, places, [step_voxels])[0] for each in self._integrators], view, places)
 
-    def integrate_by_interval(self, view: View, pixels: Int64, step_voxels: float) -> tuple[Float64, Float64]:
-        """Return what `integrate` does, and the `visible` part of each interval of the layers' transfer functions.
+    def integrate_by_interval(self, view: View, places: Float64, step_voxels: float) -> tuple[Float64, Float64]:
+        """Return the colours of rays as `integrate`, and the opacity that each interval of scalars adds to each ray.
 
-        visible: float64 [n, intervals], as of `RayIntegrator.integrate`; [n, 0] of projections, which have no opacity.
+        The opacities are float64 [n, intervals], as `RayIntegrator.integrate` returns them with `by_interval`; [n, 0]
+        in modes that show a number of a ray in place of light, which have no opacity.
         """
         if self._layers:
-            return self.integrate(view, pixels, step_voxels), np.empty((pixels.size, 0))
-        found = self._integrators[0].integrate(view, pixels, [step_voxels], by_interval=True)[0]
-        return self._sum([found[:, :4]], view, pixels), found[:, 4:]
+            return self.integrate(view, places, step_voxels), np.empty((len(places), 0))
+        found = self._integrators[0].integrate(view, places, [step_voxels], by_interval=True)[0]
+        return self._sum([found[:, :4]], view, places), found[:, 4:]
 
     def converge(
-        self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = ignore
+        self, view: View, places: Float64, tolerance: float, on_progress: Progress = ignore
     ) -> tuple[Float64, Convergence]:
-        """Return the colours of pixels, float64 [n, 4], as `RayIntegrator.converge`; extremes need no steps."""
+        """Return the converged colours of rays, float64 [n, 4], as `RayIntegrator.converge`.
+
+        The most extreme scalar of a ray is found exactly, without steps: its convergence has one entry, with change 0.
+        """
         if self._searches:
-            gathered = [search.gather(view, pixels, on_progress) for search in self._searches]
-            return self._sum(gathered, view, pixels), Convergence((1.0,), (0.0,), (pixels.size,))
+            gathered = [search.gather(view, places, on_progress) for search in self._searches]
+            return self._sum(gathered, view, places), Convergence((1.0,), (0.0,), (len(places),))
         factors = [layer.projection.tolerance_factor for layer in self._layers if layer.projection is not None] or [1.0]
         found = [
-            each.converge(view, pixels, factor * tolerance, on_progress)
+            each.converge(view, places, factor * tolerance, on_progress)
             for each, factor in zip(self._integrators, factors, strict=True)
         ]
         slowest = max((convergence for _, convergence in found), key=lambda each: len(each.step_voxels))
-        return self._sum([radiance for radiance, _ in found], view, pixels), slowest
+        return self._sum([radiance for radiance, _ in found], view, places), slowest
 
-    def _sum(self, gathered: Sequence[Float64], view: View, pixels: Int64) -> Float64:
-        """Return the colours of what rays gathered: of all layers together, or of each that is projected."""
+    def _sum(self, gathered: Sequence[Float64], view: View, places: Float64) -> Float64:
+        """Return the colours of rays from the numbers that they gathered.
+
+        gathered: one array for all layers together; one for each layer if the mode shows a number of a ray.
+        """
         if not self._layers:
             radiance = gathered[0]
             if self._adds:
                 brightest = np.minimum(radiance[:, :3].max(axis=1), 1.0)
                 radiance[:, 3] = np.maximum(radiance[:, 3], brightest)
             return radiance
-        total = np.zeros((pixels.size, 4))
+        total = np.zeros((len(places), 4))
         for layer, of_layer in zip(self._layers, gathered, strict=True):
             assert layer.projection is not None
-            chords = chord_lengths(layer.volume, view.clipped(layer.spec.clip), pixels)
+            chords = chord_lengths(layer.volume, view.clipped(layer.spec.clip), places)
             colors = layer.projection.exact_colors(of_layer, chords)
             total += colors * (*[layer.spec.weight] * 3, 1.0)
         total[:, 3] = np.minimum(total[:, 3], 1.0)
@@ -90,7 +99,7 @@ class SceneRays:
 
 
 class ExtremeSearch:
-    """A search for the most extreme scalar of rays through a layer. It remembers bounds of the parts of the volume."""
+    """A search for the most extreme scalar along rays through a layer. It remembers bounds of blocks of the volume."""
 
     def __init__(self, layer: Layer, *, num_threads: int) -> None:
         volume, projection = layer.volume, layer.projection
@@ -108,42 +117,50 @@ class ExtremeSearch:
             least_rise=_LEAST_RISE * (last - first) if by_depth else 0.0,
         )
 
-    def gather(self, view: View, pixels: Int64, on_progress: Progress = ignore) -> Float64:
-        """Return what the rays of pixels gather, as of `Extremum`: float64 [n, 4]."""
-        found, view = np.empty((pixels.size, 2)), view.clipped(self._layer.spec.clip)
+    def gather(self, view: View, places: Float64, on_progress: Progress = ignore) -> Float64:
+        """Return the numbers that rays through places gather, float64 [n, 4]: those of the mode `Extremum`.
+
+        The first is the place of the most extreme scalar in the colour range, from 0 to 1; the second says how near it
+        is, as `_nearness`; two are 0.
+        """
+        found, view = np.empty((len(places), 2)), view.clipped(self._layer.spec.clip)
 
         def search(part: slice) -> None:
             self._volume.require_unchanged()
-            self._search(rays=index_rays(self._volume, view, pixels[part]), found=found[part])
+            self._search(rays=index_rays(self._volume, view, places[part]), found=found[part])
 
-        in_parts(search, pixels.size, self._num_threads, on_progress)
+        in_parts(search, len(places), self._num_threads, on_progress)
         self._volume.require_unchanged()
         found[np.isinf(found[:, 0])] = 0.0  # a ray that meets nothing
-        gathered = np.zeros((pixels.size, 4))
+        gathered = np.zeros((len(places), 4))
         shares = self._projection.share_of(found[:, 0] / self._sign)
         gathered[:, 0] = shares if self._sign > 0 else 1.0 - shares
-        gathered[:, 1] = self._nearness(view, pixels, found[:, 1])
+        gathered[:, 1] = self._nearness(view, places, found[:, 1])
         return gathered
 
-    def _nearness(self, view: View, pixels: Int64, lengths: Float64) -> Float64:
-        """Return how near points along rays are: from 0 at the farthest point of the ball around the volume to 1."""
-        origins, directions, *_ = index_rays(self._volume, view, pixels)
+    def _nearness(self, view: View, places: Float64, lengths: Float64) -> Float64:
+        """Return how near points are: 0 at the farthest point of the ball around the volume, 1 at the nearest.
+
+        lengths: float64 [n], of each point along its ray.
+        """
+        origins, directions, *_ = index_rays(self._volume, view, places)
         points = origins + lengths[:, None] * directions - self._volume.centre_index
         depths = points @ self._volume.world_from_index[:3, :3].T @ view.forward
         return np.asarray(0.5 - 0.5 * depths / self._volume.half_diagonal)
 
 
-def chord_lengths(volume: Volume, view: View, pixels: Int64) -> Float64:
-    """Return the world length of rays inside what is left of the volume's box, float64 [n]; 0 where they miss it.
+def chord_lengths(volume: Volume, view: View, places: Float64) -> Float64:
+    """Return the world length of rays inside the part of the volume's box that clipping leaves: float64 [n].
 
-    Of a volume with voxels without data, it is the length inside of the others: an optical depth.
+    It is 0 for a ray that misses the box. In a volume with voxels without data, only the length inside of voxels with
+    data counts: it is computed as an optical depth.
     """
     if volume.num_absent:
         per_length = 1.0 / (2.0 * volume.half_diagonal)
         even = TransferFunction(np.zeros(1), np.ones((1, 3)), np.array([per_length]), 1.0)
-        opacities = RayIntegrator([TrueLayer(volume, even)]).integrate(view, pixels, [1.0])[0, :, 3]
+        opacities = RayIntegrator([TrueLayer(volume, even)]).integrate(view, places, [1.0])[0, :, 3]
         return np.asarray(-np.log1p(-opacities) / per_length)
-    origins, directions, parts, _ = index_rays(volume, view, pixels)
+    origins, directions, parts, _ = index_rays(volume, view, places)
     low, high = np.full(3, -0.5), np.array(volume.shape_xyz) - 0.5
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (low - origins) / directions, (high - origins) / directions

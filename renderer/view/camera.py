@@ -48,6 +48,11 @@ class View:
         """Return the view with clip planes and boxes added to its own."""
         return replace(self, clip=self.clip + clip)
 
+    def magnified(self, factor: int) -> View:
+        """Return the view with `factor` times as many columns and rows of pixels."""
+        width, height = self.size
+        return replace(self, size=(factor * width, factor * height), scale_px=factor * self.scale_px)
+
     @property
     def eye(self) -> Float64:
         """Return the position of the eye in the world, float64 [3]; a point on the eye plane if orthographic."""

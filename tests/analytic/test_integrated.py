@@ -23,10 +23,9 @@ from brickwork import (
     transfer_of,
     view_of,
 )
-from ray_integrals import ray_spans
+from ray_integrals import integrate, ray_spans
 
 from renderer.scene import ErrorSpec, ShadingSpec
-from renderer.truth import integrate
 from renderer.volume import Float64, Volume
 
 LEVEL = 1 / 255  # of an image of 8 bits

@@ -8,11 +8,10 @@ import mpmath
 import numpy as np
 import pytest
 from brickwork import transfer_of
-from ray_integrals import COLORFUL, EXACT, along_z, converged_image, look, oblique, ray_spans, volume
+from ray_integrals import COLORFUL, EXACT, along_z, converged_image, integrate, look, oblique, ray_spans, volume
 
 from renderer.scene import ShadingSpec, TurntablePath
 from renderer.transfer import TransferFunction
-from renderer.truth import integrate
 from renderer.volume import Float64, Volume, make_volume
 
 

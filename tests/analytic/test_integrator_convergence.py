@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 from brickwork import transfer_of
-from ray_integrals import COLORFUL, converged_image, look, oblique, riemann, volume
+from ray_integrals import COLORFUL, converged_image, integrate, look, oblique, riemann, volume
 
 from renderer.kernels import IndexRays
 from renderer.readers import procedural_values
 from renderer.scene import ProceduralSource, ShadingSpec
-from renderer.truth import index_rays, integrate
+from renderer.truth import index_rays
 
 
 @pytest.mark.parametrize("distance", [9.0, 1.3])
@@ -101,7 +101,7 @@ def test_progress_is_the_share_of_the_rays_known_to_be_needed(monkeypatch: pytes
         assert shares == [0.25, 0.5, 0.75, 1.0]
     shares.clear()
     _, report = converged_image(noise, COLORFUL, view, tolerance=1e-9, num_threads=1, on_progress=shares.append)
-    assert len(report.num_pixels) > 1
+    assert len(report.num_rays) > 1
     assert shares[-1] == 1.0
 
 

@@ -13,7 +13,7 @@ from ray_integrals import interpolate, look, oblique, ray_spans, shade
 from renderer.kernels import IndexRays, kernels
 from renderer.scene import ClipSpec, PlaneSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth import RayIntegrator, TrueLayer, optics_of
+from renderer.truth import RayIntegrator, TrueLayer, optics_of, pixel_centres
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
 
@@ -103,7 +103,7 @@ def test_the_label_at_a_point_has_the_largest_sum_of_weights(shading: ShadingSpe
 @LIGHTS
 def test_pictures_are_riemann_sums(shading: ShadingSpec | None) -> None:
     of, tf, view, num = scattered(affine=oblique()), steps(*EXTINCTIONS), look((5.0, 1.0, 5.0), 14.0, (8, 6)), 4000
-    image = RayIntegrator([TrueLayer(of, tf, shading)]).integrate(view, np.arange(48), [0.125])[0]
+    image = RayIntegrator([TrueLayer(of, tf, shading)]).integrate(view, pixel_centres(view.size), [0.125])[0]
     for (index, along, length), found in zip(points_along(of, view, num), image, strict=True):
         color, tau = tf.classify(winners(of, index))
         depth = tau * length / num
@@ -119,7 +119,7 @@ def lengths_inside(mask: Volume, view: View, *clips: ClipSpec) -> Float64:
     """World lengths [n] of rays in an even volume, which is larger, and in a mask."""
     even = labels_of(np.ones((2, 2, 2)), np.diag([50.0, 50.0, 50.0, 1.0]))
     layer = TrueLayer(replace(even, mask=mask), steps(0, 0.1), clip=clips)
-    image = RayIntegrator([layer]).integrate(view, np.arange(view.size[0] * view.size[1]), [1.0])[0]
+    image = RayIntegrator([layer]).integrate(view, pixel_centres(view.size), [1.0])[0]
     return -np.log1p(-image[:, 3]) / 0.1
 
 

@@ -13,7 +13,7 @@ from ray_integrals import COLORFUL, look, oblique, ray_spans, volume
 
 from renderer.scene import ClipSpec, PlaneSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth import RayIntegrator, TrueLayer, rays_through_pixels
+from renderer.truth import RayIntegrator, TrueLayer, pixel_centres, rays_through
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
@@ -44,7 +44,7 @@ def view_of(size: tuple[int, int] = (20, 14), **camera: object) -> View:
 
 def rays(layers: Sequence[TrueLayer], view: View, step: float = 0.25, *, adds: bool = False) -> Float64:
     """RGBA [n, 4]."""
-    return RayIntegrator(layers, adds=adds).integrate(view, np.arange(view.size[0] * view.size[1]), [step])[0]
+    return RayIntegrator(layers, adds=adds).integrate(view, pixel_centres(view.size), [step])[0]
 
 
 def even(extinction: float, color: tuple[float, float, float]) -> TransferFunction:
@@ -85,7 +85,7 @@ def test_boxes_that_overlap(projection: str, adds: bool) -> None:
     view = view_of(projection=projection)
     expected = np.zeros((view.size[0] * view.size[1], 4))
     spans = [ray_spans(of, view) for of in volumes]
-    origins, directions, _ = rays_through_pixels(np.zeros(3), view, np.arange(len(expected)))
+    origins, directions, _ = rays_through(np.zeros(3), view, pixel_centres(view.size))
     num_overlaps = 0
     for i in range(len(expected)):
         enters, leaves = np.zeros(2), np.zeros(2)
@@ -121,7 +121,7 @@ def test_the_error_falls_with_the_eighth_power_of_the_step(adds: bool) -> None:
         TrueLayer(volume(cells[1], affine), blue, weight=0.5),
     ]
     view, steps = look((4.0, 4.0, 4.0), 60.0, (8, 8), field_of_view=10.0), [1.0, 0.5, 0.25, 1 / 32]
-    images = RayIntegrator(layers, adds=adds).integrate(view, np.arange(64), steps)[..., :3]
+    images = RayIntegrator(layers, adds=adds).integrate(view, pixel_centres(view.size), steps)[..., :3]
     errors = [np.abs(image - images[-1]).max() for image in images[:-1]]
     if adds:  # polynomials of degree 6, which the quadrature integrates exactly
         assert max(errors) < 1e-14
@@ -135,11 +135,11 @@ def test_what_layers_show_is_reported_layer_by_layer(shading: ShadingSpec | None
     """It adds up to the opacity, and behind one another each layer shows what it does alone."""
     far = turned()
     far[:3, 3] += 100.0 * view_of().forward
-    pixels, num_own = np.arange(280), COLORFUL.values.size + 1
+    view, num_own = view_of(), COLORFUL.values.size + 1
     front, behind = ONE._replace(shading=shading), TrueLayer(noise(far), even(0.5, (1, 1, 1)))
 
     def visible(*layers: TrueLayer) -> Float64:
-        found = RayIntegrator(layers).integrate(view_of(), pixels, [0.5], by_interval=True)[0]
+        found = RayIntegrator(layers).integrate(view, pixel_centres(view.size), [0.5], by_interval=True)[0]
         np.testing.assert_allclose(found[:, 4:].sum(axis=1), found[:, 3], atol=1e-13)
         return found[:, 4:]
 
@@ -159,7 +159,7 @@ def test_light_falls_on_each_layer_alone(shading: ShadingSpec | None) -> None:
     both = rays(layers, view_of(), 1 / 16, adds=True)
     np.testing.assert_allclose(both[:, :3], alone[0][:, :3] + alone[1][:, :3], atol=1e-5)
     np.testing.assert_allclose(1 - both[:, 3], (1 - alone[0][:, 3]) * (1 - alone[1][:, 3]), atol=1e-5)
-    image, convergence = RayIntegrator(layers).converge(view_of(), np.arange(280), 1e-5)
+    image, convergence = RayIntegrator(layers).converge(view_of(), pixel_centres(view_of().size), 1e-5)
     np.testing.assert_allclose(image, rays(layers, view_of(), 1 / 64), atol=1e-5)
     assert convergence.change[-1] < 1e-5
 

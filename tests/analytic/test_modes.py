@@ -12,7 +12,7 @@ import pytest
 from brickwork import AFFINES, placed
 from ray_integrals import interpolate, ray_spans
 from small_scene import small_tree
-from stage_pictures import NUMBER, drawn, exact
+from stage_pictures import NUMBER, decibels_of_means, drawn, drawn_by_single_rays, exact
 
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.scene import Scene, parse_scene
@@ -143,16 +143,24 @@ def test_depth_is_where_the_only_maximum_is() -> None:
 @EACH_MODE
 @pytest.mark.parametrize("affine", ["straight", "oblique"])
 @pytest.mark.parametrize("camera", CAMERAS)
-def test_pictures_are_the_exact_rays(mode: str, affine: str, camera: str) -> None:
+def test_single_rays_are_the_exact_rays(mode: str, affine: str, camera: str) -> None:
     """At tolerance 0; over several bricks, which the border clip."""
     scene = scene_of(mode, camera=camera)
     stage = stage_of(placed(noise((35, 18, 40)), AFFINES[affine]), scene)
-    image, truth = drawn(stage), exact(stage)
+    image, truth = drawn_by_single_rays(stage), exact(stage)
     assert truth[..., 0].max() > 0.2
     rmse = float(np.sqrt(((image - truth) ** 2).mean()))
     assert rmse < (2e-3 if mode == "depth" else 2e-4), rmse
     if mode in ("maximum", "minimum"):
         assert np.abs(image - truth).max() < 2e-6
+
+
+@EACH_MODE
+@pytest.mark.parametrize(("camera", "least"), [("perspective", 39), ("orthographic", 38), ("inside", 43)])
+def test_pictures_are_means_over_pixels(mode: str, camera: str, least: float) -> None:
+    """Of noise, a voxel about a pixel; from outside with the sharp edges of its box. One ray a pixel has 24 to 28."""
+    stage = stage_of(placed(noise((35, 18, 40)), AFFINES["oblique"]), scene_of(mode, camera=camera))
+    assert decibels_of_means(stage) > least
 
 
 CLIPS = (
@@ -170,7 +178,7 @@ def test_what_is_clipped_away_does_not_count(mode: str, clip: list[Any], monkeyp
     values = noise((35, 18, 40))
     scene, whole = scene_of(mode, clip=clip), scene_of(mode)
     stage = stage_of(placed(values), scene)
-    image, truth = drawn(stage), exact(stage)
+    image, truth = drawn_by_single_rays(stage), exact(stage)
     assert np.abs(truth - exact(stage_of(placed(values), whole))).max() > 0.05
     rmse = float(np.sqrt(((image - truth) ** 2).mean()))
     assert rmse < (2e-3 if mode == "depth" else 2e-4), rmse
@@ -181,7 +189,7 @@ def test_what_is_clipped_away_does_not_count(mode: str, clip: list[Any], monkeyp
 @pytest.mark.parametrize("mode", ["maximum", "minimum"])
 def test_a_tolerance_bounds_the_error_of_extremes(mode: str) -> None:
     stage = stage_of(placed(noise((40, 33, 37)), AFFINES["anisotropic"]), scene_of(mode, tolerance=0.14))
-    error = np.abs(drawn(stage) - exact(stage))
+    error = np.abs(drawn_by_single_rays(stage) - exact(stage))
     assert error.max() <= SLACK_SHARE * 0.14 + 1e-6
     assert mode == "minimum" or error.max() > 1e-4  # which is made use of
 
@@ -194,7 +202,7 @@ def test_every_type_of_number(mode: str, dtype: npt.DTypeLike) -> None:
     points = [{"value": 0, "color": "black"}, {"value": top, "color": "white"}]
     scene = scene_of(mode, transfer_function={"points": points})
     stage = stage_of(placed(values), scene)
-    assert np.abs(drawn(stage) - exact(stage)).max() < 2e-6
+    assert np.abs(drawn_by_single_rays(stage) - exact(stage)).max() < 2e-6
 
 
 @pytest.mark.parametrize("factor", [1e-300, 1e-30, 1e30, 1e300])
@@ -206,12 +214,13 @@ def test_tiny_and_huge_numbers(mode: str, factor: float) -> None:
     values = noise((9, 8, 7), np.float64)
     image = exact(stage_of(placed(values * factor), scene))
     np.testing.assert_allclose(image, exact(stage_of(placed(values), plain)), atol=1e-9)
-    assert np.abs(drawn(stage_of(placed(values * factor), scene)) - image).max() < (0.05 if mode == "depth" else 3e-3)
+    found = drawn_by_single_rays(stage_of(placed(values * factor), scene))
+    assert np.abs(found - image).max() < (0.05 if mode == "depth" else 3e-3)
 
 
 def test_what_is_beyond_the_colours_is_at_their_end() -> None:
     values = noise((20, 20, 20)) * 6 - 3
-    image = drawn(stage_of(placed(values), scene_of("maximum")))
+    image = drawn_by_single_rays(stage_of(placed(values), scene_of("maximum")))
     assert image.max() == 1.0
     assert np.mean(image[image[..., 3] > 0][:, 0] == 1.0) > 0.5
     scene = scene_of("maximum")

@@ -15,7 +15,11 @@ from renderer.accuracy import (
     FrameProber,
     choose_pixels,
     compute_truth,
+    error_products,
     error_samples,
+    estimate_flicker,
+    first_of_pair,
+    measure_flicker,
     pool_accuracies,
     pool_samples,
     psnr,
@@ -112,7 +116,7 @@ def test_pictures_together() -> None:
 
 # Frames
 
-OUTPUT = {"file": "{frame}.png", "size": [120, 90]}
+OUTPUT = {"file": "{frame}.png", "size": [80, 60]}
 VARIANTS: dict[str, dict[str, Any]] = {
     "plain": {},
     "lit": {"shading": {"ambient": 0.3, "diffuse": 0.7, "light": [1, -1, 1]}},
@@ -138,28 +142,46 @@ def test_rays_measure_the_error_of_a_frame(variant: str) -> None:
     scene = scene_of(**VARIANTS[variant])
     stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
     frame = drawn(stage, 3)
-    truth = compute_truth(stage, 3, 1e-6).picture
+    truth = compute_truth(stage, 3, 1e-4).picture
     shown = frame.image / 255
     picture = shown[..., :3] * shown[..., 3:] if shown.shape[2] == 4 else shown
-    probe = FrameProber(stage, 20_000).probe(3, frame.image)
-    assert probe.samples.mean == pytest.approx(((picture - truth) ** 2).mean(), rel=0.1)
-    assert probe.largest_error <= np.abs(picture - truth).max() + 1e-3
+    exact = FrameProber(stage, 3000).exact_pixels(3, frame.image)
+    probe = exact.compare_image(frame.image)
+    assert probe.samples.mean == pytest.approx(((picture - truth) ** 2).mean(), abs=4 * probe.samples.deviation)
+    assert probe.samples.deviation < 0.1 * probe.samples.mean
+    assert probe.largest_error <= np.abs(picture - truth).max() + 0.03  # of rays where edges cross a pixel
     unrounded = over_background(frame.radiance, scene.output.background)
-    probe = FrameProber(stage, 20_000).exact_pixels(3, frame.image).compare_radiance(frame.radiance)
-    assert probe.samples.mean == pytest.approx(((unrounded - truth) ** 2).mean(), rel=0.1)
+    probe = exact.compare_radiance(frame.radiance)
+    assert probe.samples.mean == pytest.approx(((unrounded - truth) ** 2).mean(), abs=4 * probe.samples.deviation)
 
 
 def test_rays_converge_where_they_are_asked_to() -> None:
-    """A whole picture, compared with itself, then has no error, with light, too; rays of one step leave some."""
+    """Through the same places, with light, too; rays of one step leave an error."""
     scene = scene_of(**VARIANTS["lit"])
     stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
-    picture, frame = compute_truth(stage, 3, 1e-7).picture, drawn(stage, 3)
-    converged, quick = (
-        FrameProber(stage, 1000, tolerance=tolerance).exact_pixels(3, frame.image).compare_picture(picture)
-        for tolerance in (1e-7, None)
+    frame = drawn(stage, 3)
+    exact, converged, quick = (
+        FrameProber(stage, 200, tolerance=tolerance).exact_pixels(3, frame.image).means.colors
+        for tolerance in (1e-9, 1e-6, None)
     )
-    assert converged.largest_error < 1e-12
-    assert quick.largest_error > 1e-7
+    assert np.abs(converged - exact).max() < 1e-6
+    assert np.abs(quick - exact).max() > 1e-6
+
+
+def test_an_exact_picture_has_no_error_that_probes_could_tell() -> None:
+    """Its means, by other rays, differ by the variances of both: what probes find is that of the picture alone."""
+    stage = prepare_stage(scene_of(), clock=perf_counter, num_threads=2)
+    truth, frame = compute_truth(stage, 3, 1e-6), drawn(stage, 3)
+    found = [
+        FrameProber(stage, 300, seed=seed).exact_pixels(3, frame.image).compare_picture(truth.picture).samples
+        for seed in range(40)
+    ]
+    means = [each.mean for each in found]
+    own = float(truth.means.variances.mean())
+    assert abs(np.mean(means) - own) < 4 * np.std(means) / np.sqrt(len(means))
+    assert own < 1e-6 and min(means) < 0
+    intervals = np.array([each.interval for each in found])
+    assert np.mean((intervals[:, 0] <= own) & (own <= intervals[:, 1])) >= 0.95
 
 
 def test_figures_do_not_depend_on_the_number_of_threads() -> None:
@@ -168,3 +190,23 @@ def test_figures_do_not_depend_on_the_number_of_threads() -> None:
     found = [FrameProber(stage, 300, num_threads=num).probe(5, frame.image) for num in (1, 2, 5)]
     assert found[0] == found[1] == found[2]
     assert FrameProber(stage, 300, seed=1).probe(5, frame.image) != found[0]
+
+
+def test_shared_probes_measure_the_change_of_errors() -> None:
+    """As whole exact pictures do; the errors of frames that turn, at a coarse tolerance, are partly the same."""
+    stage = prepare_stage(scene_of(), clock=perf_counter, num_threads=2)
+    first = next(first for frame in range(9) if (first := first_of_pair(frame, 8)) is not None)
+    frames = [drawn(stage, first), drawn(stage, first + 1)]
+    truths = [compute_truth(stage, frame.number, 1e-4) for frame in frames]
+    exact = measure_flicker(*(truth.errors_of(frame.image / 255) for truth, frame in zip(truths, frames, strict=True)))
+    assert exact is not None
+    found = []
+    for seed in range(20):
+        probes = [FrameProber(stage, 400, seed=seed).probe(frame.number, frame.image) for frame in frames]
+        shared = [probe.shared for probe in probes if probe.shared is not None]
+        products = error_products(*shared)
+        assert products is not None and shared[0].first == first
+        found.append(estimate_flicker(pool_samples([probe.samples for probe in probes]), products))
+    assert 255 * np.mean([rms for rms, _ in found]) == pytest.approx(exact.rms, rel=0.1)
+    assert sum(low <= exact.rms / 255 <= high for _, (low, high) in found) >= 19
+    assert 255 * np.median([high for _, (_, high) in found]) < 1.5 * exact.rms

@@ -16,7 +16,7 @@ from splatting import cut_of, in_order, look, optical_depth, splats_of, volume_o
 from renderer.draw import SplatRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import SplatBatch, make_splats
-from renderer.truth import rays_through_pixels
+from renderer.truth import pixel_centres, rays_through
 from renderer.view import View, visible_order
 from renderer.volume import Bools, Float64, Int64, Volume
 
@@ -24,7 +24,7 @@ from renderer.volume import Bools, Float64, Int64, Volume
 def block_of(volume: Volume, view: View) -> tuple[Float64, Int64]:
     """World length of each pixel's ray in the volume [h, w]; the pair of faces that it enters and leaves by, or -1."""
     width, height = view.size
-    origins, directions, _ = rays_through_pixels(np.zeros(3), view, np.arange(width * height))
+    origins, directions, _ = rays_through(np.zeros(3), view, pixel_centres(view.size))
     index_from_world = np.linalg.inv(volume.world_from_index)
     origins = origins @ index_from_world[:3, :3].T + index_from_world[:3, 3]
     directions = directions @ index_from_world[:3, :3].T

@@ -9,10 +9,10 @@ import pytest
 from brick_reference import picture_at
 from brickwork import AFFINES, bricks_of, placed, transfer_of, view_of
 from dense_bricks import channels_of
+from ray_integrals import integrate
 
 from renderer.bricks import make_channel_curve
 from renderer.transfer import TransferFunction
-from renderer.truth import integrate
 from renderer.volume import Volume, make_volume
 
 # By which share of its largest value a curve may move where it is simplified.

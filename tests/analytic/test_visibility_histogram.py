@@ -20,7 +20,7 @@ from renderer.frame import Stage, prepare_stage, render_frames, view_of
 from renderer.record import FilmVisibility, FrameRecord, VisibleRange, film_visibility, range_record, visibility_text
 from renderer.scene import ShadingSpec, parse_scene
 from renderer.transfer import TransferFunction
-from renderer.truth import RayIntegrator, SceneRays, TrueLayer
+from renderer.truth import RayIntegrator, SceneRays, TrueLayer, pixel_centres
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
@@ -42,10 +42,8 @@ def rays(
     of: Volume, transfer: TransferFunction, view: View, shading: ShadingSpec | None = None, **options: Any
 ) -> tuple[Float64, Float64]:
     """RGBA [n, 4] and what each interval shows [n, intervals]."""
-    pixels = np.arange(view.size[0] * view.size[1])
-    found = RayIntegrator([TrueLayer(of, transfer, shading)], **options).integrate(
-        view, pixels, [0.5], by_interval=True
-    )[0]
+    integrator = RayIntegrator([TrueLayer(of, transfer, shading)], **options)
+    found = integrator.integrate(view, pixel_centres(view.size), [0.5], by_interval=True)[0]
     return found[:, :4], found[:, 4:]
 
 
@@ -59,7 +57,7 @@ def test_ranges_add_up_to_the_opacity(shading: ShadingSpec | None) -> None:
     view, integrator = noise_view(), RayIntegrator([TrueLayer(noise(), STEPS, shading)])
     radiance, visible = rays(noise(), STEPS, view, shading)
     np.testing.assert_allclose(visible.sum(axis=1), radiance[:, 3], atol=1e-13)
-    assert np.array_equal(radiance, integrator.integrate(view, np.arange(len(radiance)), [0.5])[0])
+    assert np.array_equal(radiance, integrator.integrate(view, pixel_centres(view.size), [0.5])[0])
     red = replace(STEPS, colors=STEPS.colors * [1, 0, 0])
     assert np.array_equal(visible, rays(noise(), red, view, shading)[1])
     assert np.array_equal(visible, rays(noise(), STEPS, view, shading, num_threads=5)[1])
@@ -124,7 +122,7 @@ def test_a_frame_shows_what_all_its_rays_show() -> None:
     stage = stage_of()
     with BrickRasterizer() as rasterizer:
         (frame,) = render_frames(stage, [3], rasterizer, clock=perf_counter)
-    _, everywhere = SceneRays(stage).integrate_by_interval(view_of(stage, 3), np.arange(1200), 1.0)
+    _, everywhere = SceneRays(stage).integrate_by_interval(view_of(stage, 3), pixel_centres((40, 30)), 1.0)
     low, high = everywhere.mean(axis=0)[1:3].tolist()
     found = FrameProber(stage, 20_000).probe(3, frame.image).visible
     assert found == pytest.approx((low, high), rel=0.05)

@@ -21,7 +21,7 @@ from vtk_peer import VtkMeasurement, VtkSetting, check_vtk, comparable, describe
 from hsplat_cli.measure import Measurement, measure_setting, plan_sweep
 from hsplat_cli.reports import metric_text, ms_text
 from hsplat_cli.terminal import describe_machine, format_table
-from renderer.accuracy import METRICS, Accuracy, Truth, compute_truth, is_loop, spread_evenly
+from renderer.accuracy import METRICS, TRUTH_TOLERANCE, Accuracy, Truth, compute_truth, is_loop, spread_evenly
 from renderer.draw import open_rasterizer
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.readers import read_volume
@@ -54,11 +54,11 @@ class Compared(NamedTuple):
 
 
 @contextmanager
-def compared(scene: Scene, volume: Volume, frames: Sequence[int], truth_tolerance: float = 1e-5) -> Iterator[Compared]:
+def compared(scene: Scene, volume: Volume, frames: Sequence[int]) -> Iterator[Compared]:
     """Open a scene, made comparable, for both programs, and compute its truths."""
     options = {"clock": time.perf_counter, "num_threads": THREADS, "any_tolerance": True}
     with prepare_stage(scene, volumes=[volume], **options) as stage:
-        truths = [compute_truth(stage, frame, truth_tolerance, num_threads=THREADS) for frame in frames]
+        truths = [compute_truth(stage, frame, TRUTH_TOLERANCE, num_threads=THREADS) for frame in frames]
         yield Compared(stage, truths)
 
 

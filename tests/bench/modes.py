@@ -22,7 +22,7 @@ from renderer.draw import BrickRasterizer
 from renderer.frame import Frame, Stage, prepare_stage, render_frames, view_of
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene, scene_to_dict, with_tolerance
-from renderer.truth import SceneRays
+from renderer.truth import SceneRays, pixel_centres
 from renderer.volume import Float64, UInt8, Volume
 
 PAGE, PICTURE = PAGES / "modes.md", PAGES / "modes.jpg"
@@ -169,7 +169,7 @@ def truth(stage: Stage, frame: int) -> Float64:
     """Return the exact colours of a frame, float64 [h, w, 3]."""
     width, height = SIZE
     rays = SceneRays(stage, num_threads=THREADS)
-    return rays.integrate(view_of(stage, frame), np.arange(width * height), 0.5).reshape(height, width, 4)[..., :3]
+    return rays.integrate(view_of(stage, frame), pixel_centres(SIZE), 0.5).reshape(height, width, 4)[..., :3]
 
 
 def figures(stage: Stage, rounds: Sequence[Sequence[Frame]], truths: Sequence[Float64]) -> Figures:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
+from ray_integrals import integrate
 from small_scene import small_tree
 from splat_reference import rasterize_reference
 from splatting import Float64, volume_of
@@ -42,7 +43,6 @@ from renderer.scene import (
 )
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
-from renderer.truth import integrate
 from renderer.view import View, make_view, visible_order
 from renderer.volume import Volume
 

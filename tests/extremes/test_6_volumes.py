@@ -15,7 +15,7 @@ from exact_classification import classified, placed
 from extremes import Extreme, Section
 from lattices import MATRICES, SHAPES
 from number_types import LARGEST
-from ray_integrals import along_z
+from ray_integrals import along_z, integrate
 from splat_reference import rasterize_reference
 from splatting import look
 
@@ -23,7 +23,6 @@ from renderer.pyramid import Pyramid, build_pyramid, cut_pyramid
 from renderer.scene import ColormapSpec, ErrorSpec, PyramidSpec, ShadingSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
 from renderer.transfer import TransferFunction, make_transfer_function
-from renderer.truth import integrate
 from renderer.view import View, visible_order
 from renderer.volume import Array, Volume
 

@@ -42,11 +42,13 @@ def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: Rasterize
         raise WrongError(f"{frame.num_cells} cells in the frame, {lod.num_cells} in its cut")
     (splats,), orders = lod.batches, [(share, order) for share, (order,) in lod.orders(view)]
     _require_shares(orders)
-    hidden = rasterize_reference(splats, np.setdiff1d(np.arange(len(splats)), orders[0][1]), view)
+    samples = view.magnified(splats.samples_across)
+    hidden = rasterize_reference(splats, np.setdiff1d(np.arange(len(splats)), orders[0][1]), samples)
     if hidden.max() > LEFT_OUT:
         raise WrongError(f"splats with an alpha of {hidden[..., 3].max():.3g} are left out")
-    expected = _blended(splats, orders, view)
-    others = [_blended(nudged, orders, moved) for nudged, moved in (_nudged(splats, view, *nudge) for nudge in NUDGES)]
+    expected = _blended(splats, orders, samples)
+    nudged = (_nudged(splats, samples, *nudge) for nudge in NUDGES)
+    others = [_blended(moved_splats, orders, moved) for moved_splats, moved in nudged]
     if not np.array_equal(frame.image, quantize(frame.radiance, stage.scene.output.background)):
         raise WrongError("the 8 bits are not those of the radiance")
     if stage.scene.annotation.octree:
@@ -54,9 +56,18 @@ def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: Rasterize
     require_close(frame.radiance, expected, PRECISION + SPREADS * np.ptp([expected, *others], axis=0))
 
 
-def _blended(splats: SplatBatch, orders: Sequence[Order], view: View) -> Float64:
-    """The picture of the splats in all orders."""
-    return np.asarray(sum(share * rasterize_reference(splats, order, view) for share, order in orders))
+def _blended(splats: SplatBatch, orders: Sequence[Order], samples: View) -> Float64:
+    """Return the picture of the splats in all orders. samples: the view, with a pixel for each sample."""
+    across = splats.samples_across
+    width, height = samples.size
+
+    def pixels(order: UInt32) -> Float64:
+        drawn = rasterize_reference(splats, order, samples)
+        if across == 1:
+            return drawn
+        return np.minimum(drawn, 1.0).reshape(height // across, across, width // across, across, 4).mean(axis=(1, 3))
+
+    return np.asarray(sum(share * pixels(order) for share, order in orders))
 
 
 def _nudged(splats: SplatBatch, view: View, factor: float, sides: tuple[int, int, int]) -> tuple[SplatBatch, View]:

@@ -346,6 +346,8 @@ DEFECTS = (
     Change("pixels interpolated that differ", partial(_sampled, strides=(4, 1), difference_threshold=0.1),
         of=BrickBatch),
     Change("rays that end at a transmittance of 10 %", partial(_sampled, termination_transmittance=0.1), of=BrickBatch),
+    Change("one ray in every pixel", partial(_sampled, contrast_threshold=math.inf), of=BrickBatch),
+    Change("at most four rays in a pixel", partial(_sampled, spread_threshold=math.inf), of=BrickBatch),
     Change("volume mirrored", _mirrored), Change("volume half a voxel off", _half_a_voxel_off),
     Change("camera off by 0.1 degree", _camera_off), Change("shifted by 0.1 px", partial(shifted, pixels=0.1)),
     Change("shifted by 0.25 px", partial(shifted, pixels=0.25)), Change("one frame repeated", _frame_repeated),

@@ -108,7 +108,7 @@ class FigureStage:
 
     def rgb(self, frame: Frame) -> FloatImage:
         """Return a picture over the scene's background, float64 [h, w, 3]."""
-        return over_background(frame.radiance, self.base.scene.output.background)
+        return over_background(frame.radiance, self.base.scene.background)
 
     def _frames(self, num: int, keys: Mapping[str, Any]) -> Iterator[Frame]:
         scene = self.base.scene

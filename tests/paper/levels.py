@@ -10,7 +10,7 @@ from figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
 
 from renderer.frame import view_of
 from renderer.scene import Scene, counted
-from renderer.truth import integrate
+from renderer.truth import RayIntegrator, TrueLayer, pixel_centres
 from renderer.volume import Bools
 
 # Pixels with at least this share of the largest optical depth are the inside of the volume.
@@ -87,8 +87,8 @@ def measure(
 
 def _inside(stage: FigureStage) -> Bools:
     """Return the pixels of the inside."""
-    volume = stage.base.layers[0].volume
-    alpha = integrate(volume, stage.transfer, view_of(stage.base, 0), step_voxels=1.0)[..., 3]
+    view, integrator = view_of(stage.base, 0), RayIntegrator([TrueLayer(stage.base.layers[0].volume, stage.transfer)])
+    alpha = integrator.integrate(view, pixel_centres(view.size), [1.0])[0, :, 3].reshape(view.size[::-1])
     optical_depth = -np.log1p(-np.minimum(alpha, 1 - 1e-12))
     return np.asarray(optical_depth >= INSIDE_SHARE * optical_depth.max())
 

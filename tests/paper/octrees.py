@@ -107,7 +107,7 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[Octree]
                 float(cells_per_block[blocks_by_variation[-quarter:]].mean()),
             )
             octrees.append(octree)
-            with_lines = quantize(overlaid_frame.radiance_with_lines(), scene.output.background)
+            with_lines = quantize(overlaid_frame.radiance_with_lines(), scene.background)
             overlaid.append((with_lines, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
             plain.append((plain_frame.image, f"{octree.psnr_db:.1f} dB"))
     return octrees, {"The cells": overlaid, "The pictures, against the ray integral": plain}

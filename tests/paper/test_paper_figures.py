@@ -122,7 +122,7 @@ def test_a_slab_without_correction_is_not_confirmed(slab: opacity.Slab) -> None:
 
 @pytest.fixture(scope="module")
 def cubes(figure_renderer: FigureRenderer) -> one_splat.SplatSeries:
-    return one_splat.measure(scene("3_one_splat.yaml", "output.size=[64, 64]"), figure_renderer)
+    return one_splat.measure(scene("3_one_splat.yaml", "output.size=[160, 160]"), figure_renderer)
 
 
 def test_one_splat_replaces_many_voxels(cubes: one_splat.SplatSeries) -> None:

@@ -129,6 +129,19 @@ def test_subsampled_pixel_grids(brick_rasterizer, strides: tuple[int, ...], size
             assert_parity(brick_rasterizer, batch, view, (camera, spread))
 
 
+@pytest.mark.parametrize("strides", [(1,), (4, 1)])
+@pytest.mark.parametrize("size", [(33, 25), (1, 1), (2, 40)])
+def test_several_rays_in_pixels(brick_rasterizer, strides: tuple[int, ...], size: tuple[int, int]) -> None:
+    """The same pixels have 1, 4 and 16 rays, except a few at the thresholds."""
+    bricks = hilly("oblique", None)
+    cut = random_cut(bricks, 5)
+    for camera in ("perspective", "orthographic", "inside"):
+        view = view_of(bricks.volume, camera, size)
+        for contrast, spread in ((0.02, 0.05), (0.1, math.inf), (-1.0, -1.0)):
+            sampling = ScreenSampling(strides, 0.05 * (len(strides) > 1), 0.0, contrast, spread)
+            assert_parity(brick_rasterizer, batch_of(cut, bricks, screen_sampling=sampling), view, (camera, contrast))
+
+
 @pytest.mark.parametrize("least", [0.3, 1e-3])
 def test_early_ray_termination(brick_rasterizer: BrickRasterizer, least: float) -> None:
     """Images agree within the transmittance at which rays end; the reference stops at every brick."""

@@ -11,6 +11,7 @@ N. Max, "Optical Models for Direct Volume Rendering", IEEE TVCG 1 (1995): the in
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -29,6 +30,9 @@ DITHER = 0.15
 # The factors of a pixel's column and row in the hash from which its phase follows, as in the kernels' header `rays.h`.
 JITTER_PER_PX = (3242174889, 2447445414)
 
+# A function from the rows and columns of pixels, [n, 2], and the number of rays along a pixel's side to the colours of
+# the rays, [n, rays, 4].
+DrawRays = Callable[[Int64, int], Float64]
 # The field of each level of bricks that was drawn: from `_scalar_field` for level 0, else from `_mean_field`.
 Fields = dict[int, Float64]
 
@@ -69,30 +73,101 @@ def rasterize_bricks_reference(batch: BrickBatch, order: UInt32, view: View) -> 
         is_drawn = ~is_alike & ((nodes[0] % coarse != 0) | (nodes[1] % coarse != 0))
         image = _between(image, coarse, *nodes)
         image[is_drawn] = _radiance(batch, order, _rays(batch.cut.volume, view, *(n[is_drawn] for n in nodes)), fields)
-    return _between(image, strides[-1], *_pixel_grid(view.size, 1))
+    image = _between(image, strides[-1], *_pixel_grid(view.size, 1))
+    if strides[-1] == 1:
+        _antialias(image, batch, lambda at, across: _several_rays(batch, order, view, at, across, fields))
+    return image
+
+
+def _antialias(image: Float64, batch: BrickBatch, draw: DrawRays) -> None:
+    """Pixels that differ from a neighbour become the mean of 4 rays, and those whose rays differ that of 16."""
+    sampling = batch.screen_sampling
+    has_several = np.zeros(image.shape[:2], np.bool_)
+    spreads = np.zeros(image.shape[:2])
+    marked = _contrasts(image, np.ones_like(has_several)) > sampling.contrast_threshold
+    while marked.any():
+        rays = np.minimum(draw(np.argwhere(marked), 2), 1)  # as they are displayed
+        image[marked], spreads[marked] = rays.mean(axis=1), np.ptp(rays, axis=1).max(axis=-1)
+        has_several |= marked
+        marked = (_contrasts(image, marked) > sampling.contrast_threshold) & ~has_several
+    marked = spreads > sampling.spread_threshold
+    has_many = np.zeros_like(marked)
+    while marked.any():
+        image[marked] = np.minimum(draw(np.argwhere(marked), 4), 1).mean(axis=1)
+        has_many |= marked
+        marked = _neighbours(_are_on_lines(image, sampling.contrast_threshold) & marked) & ~has_many
+
+
+def _are_on_lines(image: Float64, threshold: float) -> Bools:
+    """[rows, columns]: pixels above both of two opposite neighbours, or below both; none at the picture's border."""
+    found = np.zeros(image.shape[:2], np.bool_)
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        one, other = (image - np.roll(image, (sign * down, sign * right), (0, 1)) for sign in (1, -1))
+        above, below = np.minimum(one, other), -np.maximum(one, other)
+        found |= np.maximum(above, below).max(axis=-1) > threshold
+    found[[0, -1]] = found[:, [0, -1]] = False
+    return found
+
+
+def _neighbours(among: Bools) -> Bools:
+    """[rows, columns]: pixels that are among some, or next to one of them."""
+    height, width = among.shape
+    padded = np.pad(among, 1)
+    return np.any([padded[y : y + height, x : x + width] for y, x in product(range(3), range(3))], axis=0)
+
+
+def _contrasts(image: Float64, among: Bools) -> Float64:
+    """[rows, columns]: the largest difference of a channel between each pixel and its neighbours among some pixels."""
+    padded, shown = np.pad(image, ((1, 1), (1, 1), (0, 0))), np.pad(among, 1)
+    height, width = among.shape
+    largest = np.zeros(among.shape)
+    for down, right in product(range(3), range(3)):
+        part = slice(down, down + height), slice(right, right + width)
+        largest = np.maximum(largest, np.abs(padded[part] - image).max(axis=-1) * shown[part])
+    return largest
+
+
+def _several_rays(batch: BrickBatch, order: UInt32, view: View, at: Int64, across: int, fields: Fields) -> Float64:
+    """[n, across^2, 4]: the rays of pixels at rows and columns `at` [n, 2], row by row.
+
+    Those of one row are lower by a step of a ray's width from one to the next, and those of one column further left.
+    """
+    inside = np.arange(across)
+    centres = (inside + 0.5) / across
+    shifts = (centres - 0.5) / across
+    lattice = across * at[:, None, None, :] + np.stack(np.meshgrid(inside, inside, indexing="ij"), axis=-1)
+    x = at[:, None, None, 1] + centres + shifts[:, None]
+    y = at[:, None, None, 0] + centres[:, None] - shifts
+    rays = _rays(batch.cut.volume, view, lattice[..., 1], lattice[..., 0], x - 0.5, y - 0.5)
+    return _radiance(batch, order, rays, fields).reshape(len(at), across**2, 4)
 
 
 def nudged(batch: BrickBatch, step: float, spread: float) -> BrickBatch:
-    """Return a batch whose steps, and whose threshold for interpolating pixels, are changed by factors.
+    """Return a batch whose steps, and whose thresholds for interpolating pixels and for more rays, are changed.
 
-    The factors are `1 + step` and `1 + spread`.
+    They are multiplied by `1 + step` and by `1 + spread`.
     """
-    threshold = batch.screen_sampling.difference_threshold * (1 + spread)
-    screen_sampling = replace(batch.screen_sampling, difference_threshold=threshold)
+    screen_sampling = replace(
+        batch.screen_sampling,
+        difference_threshold=batch.screen_sampling.difference_threshold * (1 + spread),
+        contrast_threshold=batch.screen_sampling.contrast_threshold * (1 + spread),
+        spread_threshold=batch.screen_sampling.spread_threshold * (1 + spread),
+    )
     return replace(batch, steps=batch.steps * (1 + step), screen_sampling=screen_sampling)
 
 
 def picture_at(
     bricks: Bricks, view: View, tolerance: float, shading: ShadingSpec | None = None, *, every_pixel: bool = True
 ) -> Float64:
-    """Return the picture of bricks at a tolerance, as if voxels were about a pixel wide.
+    """Return the picture of bricks at a tolerance, as if voxels were about a pixel wide, by one ray a pixel.
 
     every_pixel: whether every pixel is drawn; otherwise pixels of smooth regions are interpolated.
     """
     layers, cut = alone(bricks, shading), cut_bricks(bricks, tolerance)
     batch = make_brick_batch(cut, layers, tolerance=tolerance, voxel_px=1.0)
-    if every_pixel:
-        batch = replace(batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0))
+    sampling = batch.screen_sampling
+    of_grids = ScreenSampling(sampling.strides, sampling.difference_threshold, sampling.termination_transmittance)
+    batch = replace(batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0) if every_pixel else of_grids)
     return rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
 
 
@@ -138,15 +213,18 @@ def _between(nodes: Float64, stride: int, columns: Int64, rows: Int64) -> Float6
     return np.asarray((1 - down) * upper + down * lower)
 
 
-def _rays(volume: Volume, view: View, columns: Int64, rows: Int64) -> _Rays:
+def _rays(
+    volume: Volume, view: View, columns: Int64, rows: Int64, x_px: Float64 | None = None, y_px: Float64 | None = None
+) -> _Rays:
     """Return the rays through the centres of pixels, which may lie outside of the image.
 
-    columns, rows: the places of the pixels, [...] each. The origins of rays lie on the plane through the volume's
-    centre that faces the camera, as origins at a distant eye would leave few digits to points in the volume. If the
-    centre is behind the eye, the origins lie on the plane through the eye.
+    columns, rows: the places of the pixels, [...] each. x_px, y_px: other places of the rays, in pixels from the centre
+    of the pixel in the top left corner; columns and rows then choose the jitter alone. The origins of rays lie on the
+    plane through the volume's centre that faces the camera, as origins at a distant eye would leave few digits to
+    points in the volume. If the centre is behind the eye, the origins lie on the plane through the eye.
     """
-    x = (columns.ravel() + 0.5 - view.size[0] / 2) / view.scale_px
-    y = (view.size[1] / 2 - rows.ravel() - 0.5) / view.scale_px
+    x = ((columns if x_px is None else x_px).ravel() + 0.5 - view.size[0] / 2) / view.scale_px
+    y = (view.size[1] / 2 - (rows if y_px is None else y_px).ravel() - 0.5) / view.scale_px
     centre = view.view_from_world(volume.centre)
     depth = max(0.0, -centre[2])
     if view.projection == "perspective":

@@ -18,7 +18,9 @@ from renderer.volume import Float32, UInt32
 
 
 class WithoutUploads:
-    """The base of rasterisers that keep no data on a device between pictures."""
+    """The base of rasterisers that keep no data on a device between pictures, and draw no rays."""
+
+    num_rays = 0
 
     def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
         """Return False, as nothing is uploaded."""
@@ -76,7 +78,7 @@ class SimulatedMachine(WithoutUploads):
         if isinstance(batch, BrickBatch):
             num_pixels = num_samples(batch, order, view)
         else:
-            num_pixels = total_square_area_px(batch, order, model_view(batch, view))
+            num_pixels = total_square_area_px(batch, order, model_view(batch, view.magnified(batch.samples_across)))
         per_frame, per_splat, per_pixel = self._rates
         return per_frame + per_splat * len(order) + per_pixel * num_pixels
 

@@ -11,7 +11,7 @@ from brickwork import transfer_of
 
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath, Vector
 from renderer.transfer import TransferFunction
-from renderer.truth import Convergence, RayIntegrator, TrueLayer, integrate, rays_through_pixels
+from renderer.truth import Convergence, Progress, RayIntegrator, TrueLayer, ignore, pixel_centres, rays_through
 from renderer.view import View, make_view
 from renderer.volume import Float64, Volume
 
@@ -51,6 +51,22 @@ class Span:
     length: Float64
 
 
+def integrate(
+    of: Volume,
+    tf: TransferFunction,
+    view: View,
+    *,
+    step_voxels: float,
+    shading: ShadingSpec | None = None,
+    num_threads: int = 2,
+    on_progress: Progress = ignore,
+) -> Float64:
+    """The image [h, w, 4] of rays through the centres of pixels, premultiplied RGBA."""
+    integrator = RayIntegrator([TrueLayer(of, tf, shading)], num_threads=num_threads)
+    image = integrator.integrate(view, pixel_centres(view.size), [step_voxels], on_progress)
+    return image.reshape(view.size[1], view.size[0], 4)
+
+
 def converged_image(
     of: Volume, tf: TransferFunction, view: View, tolerance: float, shading: ShadingSpec | None = None, **options: Any
 ) -> tuple[Float64, Convergence]:
@@ -59,12 +75,12 @@ def converged_image(
     options: `num_threads`, and the options of RayIntegrator.converge, such as `on_progress`.
     """
     integrator = RayIntegrator([TrueLayer(of, tf, shading)], num_threads=options.pop("num_threads", 2))
-    pixels, convergence = integrator.converge(view, np.arange(view.size[0] * view.size[1]), tolerance, **options)
+    pixels, convergence = integrator.converge(view, pixel_centres(view.size), tolerance, **options)
     return pixels.reshape(view.size[1], view.size[0], 4), convergence
 
 
 def ray_spans(of: Volume, view: View) -> Span:
-    origins, directions, starts = rays_through_pixels(np.zeros(3), view, np.arange(view.size[0] * view.size[1]))
+    origins, directions, starts = rays_through(np.zeros(3), view, pixel_centres(view.size))
     enter, leave = starts.copy(), np.full(starts.shape, np.inf)
     index_from_world = np.linalg.inv(of.world_from_index)
     at = origins @ index_from_world[:3, :3].T + index_from_world[:3, 3]
@@ -84,7 +100,7 @@ def riemann(
     values = of.values.astype(float)
     gradients = [np.gradient(values, axis=2 - axis) for axis in range(3)]
     index_from_world = np.linalg.inv(of.world_from_index)
-    origins, directions, starts = rays_through_pixels(np.zeros(3), view, np.arange(view.size[0] * view.size[1]))
+    origins, directions, starts = rays_through(np.zeros(3), view, pixel_centres(view.size))
     viewers = -directions
     origins, directions = (
         origins @ index_from_world[:3, :3].T + index_from_world[:3, 3],

@@ -12,7 +12,7 @@ import numpy as np
 
 from hsplat_cli.measure import FrameMeasurement, Measurement, Setting, Study, write_study
 from renderer.accuracy import METRICS, Accuracy, ErrorSamples, Truth, sampled_accuracy
-from renderer.truth import Convergence
+from renderer.truth import Convergence, PixelMeans
 
 DATE = "2030-01-02"
 NAN = float("nan")
@@ -55,7 +55,7 @@ def measure(
         2 * num_splats,
         0.25,
         {"cut": (0.01, 0.011, 0.012)},
-        tuple(FrameMeasurement(frame, num_splats, steps, result) for frame in frames),
+        tuple(FrameMeasurement(frame, num_splats, None, steps, result) for frame in frames),
         result,
         800_000_000,
         picture,
@@ -83,7 +83,10 @@ def brick_series() -> list[Measurement]:
     options = {"footprint": "integrated"}
     return [
         dataclasses.replace(
-            each, num_cells=40, setting=dataclasses.replace(each.setting, options={**each.setting.options, **options})
+            each,
+            num_cells=40,
+            frames=tuple(dataclasses.replace(frame, rays_per_pixel=1.25) for frame in each.frames),
+            setting=dataclasses.replace(each.setting, options={**each.setting.options, **options}),
         )
         for each in drawn
     ]
@@ -103,6 +106,7 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
     """Return a study of these measurements, on an invented machine and scene. changes: other fields of the study."""
     frames = sorted({sample.frame for m in measurements for sample in m.frames})
     convergence = Convergence((0.5, 0.25), (1e-5, 3e-9), (48, 40))
+    means = PixelMeans(np.full((5, 8, 3), 9 / 255), np.full((5, 8, 3), 1e-6))
     on_volume = np.arange(40).reshape(5, 8) < 16
     study = Study(
         name="engine",
@@ -111,7 +115,7 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
         machine={"processor": "a processor", "cores": 2, "device": "llvmpipe", "commit": "abc1234",
             "versions": {"numpy": "2"}},
         truth_tolerance=1e-4,
-        truths=tuple(Truth(f, np.full((5, 8, 3), 9 / 255), on_volume, convergence, 1.5) for f in frames),
+        truths=tuple(Truth(f, means, on_volume, convergence, 12.0, 1.5) for f in frames),
         measurements=tuple(measurements),
         notes=("the error rises from tolerance 0.2 to 0.1",),
     )  # fmt: skip

@@ -15,7 +15,7 @@ from renderer.film import over_background
 from renderer.frame import prepare_stage
 from renderer.readers import read_volume
 from renderer.scene import CameraSpec, TurntablePath, parse_scene
-from renderer.truth import Convergence, SceneRays
+from renderer.truth import Convergence, PixelMeans, SceneRays, pixel_centres
 from renderer.view import make_view
 from renderer.volume import Float64, make_volume
 
@@ -54,8 +54,10 @@ def test_vtk_draws_the_preset_as_hsplat_draws_its_import(name: str, data_dir: Pa
     x, y, z = volume.centre
     view = make_view(CameraSpec(TurntablePath(1, 30.0, 20.0)), 0, (x, y, z), distance, SIZE)
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volumes=[volume]) as stage:
-        exact = SceneRays(stage).integrate(view, np.arange(SIZE[0] * SIZE[1]), 0.25).reshape(*SIZE[::-1], 4)
-    truth = Truth(0, over_background(exact, (0.0, 0.0, 0.0)), exact[..., 3] > 0, Convergence((), (), ()))
+        exact = SceneRays(stage).integrate(view, pixel_centres(SIZE), 0.25).reshape(*SIZE[::-1], 4)
+    picture = over_background(exact, (0.0, 0.0, 0.0))
+    means = PixelMeans(picture, np.zeros_like(picture))  # VTK has one ray a pixel
+    truth = Truth(0, means, exact[..., 3] > 0, Convergence((), (), ()))
     monkeypatch.setattr(vtk_peer, "_points", lambda *_: points_of_preset(presets, name, 1024.0))
     for measured in measure_vtk(
         volume, look_of(scene, volume), [view], [truth], settings=[VtkSetting("gpu", 0.5)], repeats=0

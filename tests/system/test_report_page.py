@@ -23,6 +23,7 @@ from hsplat_cli.measure import REPORT_FILES, amplified_difference, study_charts,
 from hsplat_cli.reports import format_facts
 from renderer.errors import RenderError
 from renderer.film import decode_png, rounded
+from renderer.truth import PixelMeans
 from renderer.volume import Float64, UInt8
 
 HOSTILE = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"
@@ -180,7 +181,7 @@ def test_pixels_of_small_pictures_are_means() -> None:
 
 def pictures_of_truth(picture: Float64) -> list[UInt8]:
     """Return the pictures on the page of a study with one exact picture."""
-    truth = replace(CASES["all"].truths[0], picture=picture)
+    truth = replace(CASES["all"].truths[0], means=PixelMeans(picture, np.zeros_like(picture)))
     text = report_of(study_of([], truths=(truth,)))[".html"]
     return [decode_png(base64.b64decode(each)) for each in re.findall(r"data:image/png;base64,([^\"]*)", text)]
 

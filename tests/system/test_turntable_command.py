@@ -148,7 +148,7 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
 
     assert needs() == []
     assert capfd.readouterr().out.startswith(table)
-    assert needs("--tolerance=0.1") == needs("--force") == volumes
+    assert needs("--tolerance=0.2") == needs("--force") == volumes
     with monkeypatch.context() as patch:
         patch.setattr("hsplat_cli.turntable.film_request._program", lambda: {"versions": "others"})
         assert needs() == volumes

@@ -102,7 +102,7 @@ def test_the_result_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_rays_are_added_until_the_film_is_known_well_enough(capsys: pytest.CaptureFixture[str]) -> None:
     rays = []
-    for precision in ("30", "0.5", "0.01"):
+    for precision in ("30", "2", "0.01"):
         verify(FRAMES, "--precision", precision, "--json", "-", code=0)
         found = json.loads(capsys.readouterr().out)
         rays.append(found["accuracy"]["rays"])

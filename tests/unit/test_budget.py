@@ -62,14 +62,16 @@ class Film(NamedTuple):
         return np.mean([abs(t / seconds - 1) <= 0.2 or (t <= seconds and tolerance == 0) for t, tolerance in later])
 
 
-def draw(stage: Stage, machine: SimulatedMachine, seconds: float | Callable[[int], float]) -> Film:
+def draw(
+    stage: Stage, machine: SimulatedMachine, seconds: float | Callable[[int], float], writing: float = WRITING_S
+) -> Film:
     seconds_of = seconds if callable(seconds) else lambda frame: seconds
     estimator = LODCostEstimator(stage)
     calibrate_costs(estimator, 0, 0.3 * seconds_of(0), machine, clock=machine.clock)
     controller = BudgetController(estimator, seconds_of)
     film, start = Film([], [], [], []), machine.now
     for frame in render_frames(stage, range(NUM_FRAMES), machine, clock=machine.clock, controller=controller):
-        machine.now += WRITING_S
+        machine.now += writing
         assert frame.predicted_seconds is not None
         for values, value in zip(
             film, (machine.now - start, frame.predicted_seconds, frame.tolerance, frame.num_cells), strict=True
@@ -96,6 +98,14 @@ def test_frames_take_the_time_that_they_have(stage: Stage, seconds: float, noise
     if noise == 0:  # what changes from frame to frame flickers
         assert len(set(film.tolerances)) == 1
         assert film.predicted[5:] == pytest.approx(film.taken[5:], rel=0.03)
+
+
+@bricks
+def test_the_second_frame_knows_how_long_writing_takes(stage: Stage) -> None:
+    """Probes may take longer than the drawing."""
+    film = draw(stage, SimulatedMachine(), 0.03, writing=0.015)
+    assert film.taken[0] > 1.2 * 0.03
+    assert all(abs(taken / 0.03 - 1) <= 0.2 for taken in film.taken[1:])
 
 
 @both

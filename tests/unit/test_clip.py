@@ -15,7 +15,7 @@ from small_scene import small_tree
 from renderer.errors import SceneError
 from renderer.readers import read_volume
 from renderer.scene import ClipSpec, PlaneSpec, Scene, parse_scene
-from renderer.truth import keep_parts, rays_through_pixels
+from renderer.truth import keep_parts, pixel_centres, rays_through
 from renderer.view import View, are_clipped_away, place_clips, visible_bricks
 from renderer.volume import Bools, Float64, Volume
 
@@ -166,9 +166,9 @@ def test_bricks_that_are_clipped_away_are_not_drawn(clip: dict[str, Any]) -> Non
 def test_parts_of_rays_are_those_that_the_truth_keeps(camera: str) -> None:
     rng = np.random.default_rng(len(camera))
     volume = placed(np.zeros((20, 30, 40), np.uint8), AFFINES["oblique"])
-    view, pixels = view_of(volume, camera), np.arange(0, 300, 7)
-    origins, directions, starts = rays_through_pixels(volume.centre, view, pixels)
-    along = np.sort(rng.uniform(-60, 60, (len(pixels), 300)), axis=1)
+    view = view_of(volume, camera)
+    origins, directions, starts = rays_through(volume.centre, view, pixel_centres(view.size)[:300:7])
+    along = np.sort(rng.uniform(-60, 60, (len(starts), 300)), axis=1)
     points = origins[:, None] + along[..., None] * directions[:, None] + volume.centre
     num_kept = 0
     for num in (0, 1, 1, 2, 3, 6):

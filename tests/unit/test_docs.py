@@ -11,6 +11,7 @@ import pytest
 import yaml
 from gallery_page import PAGE as GALLERY_PAGE, gallery_scenes
 from motion_page import MOTION_PAGE, motion_page
+from pixels_page import CROPS, PAGE as PIXELS_PAGE
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
 from hsplat_cli.commands.compare import compare
@@ -55,6 +56,14 @@ def test_the_table_of_formats_has_all_of_them() -> None:
         for codec in each.codecs.values():
             names |= {*codec.pixel_formats, *codec.with_alpha}
         assert names <= {word for key, word in found if key == suffix}, suffix
+
+
+def test_the_page_of_pixels_shows_all_of_its_pictures() -> None:
+    """And they are small enough for a repository."""
+    files = {file.stem: file.stat().st_size for file in PIXELS_PAGE.with_suffix("").iterdir()}
+    assert sorted(re.findall(r"\]\(pixels/(\w+)\.png\)", PIXELS_PAGE.read_text("utf-8"))) == sorted(CROPS)
+    assert files.keys() == CROPS.keys()
+    assert sum(files.values()) < 100_000
 
 
 def test_the_gallery_shows_legal_scenes(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from renderer.accuracy import ExactPictures, FoundTolerances, Trial, Truth, find
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.scene import AnnotationSpec, CameraSpec, ErrorSpec, MetricTarget, OutputSpec, RockerPath, TurntablePath
 from renderer.splats import SplatBatch
-from renderer.truth import Convergence
+from renderer.truth import Convergence, PixelMeans
 from renderer.view import View
 
 NUM_FRAMES = 24
@@ -59,7 +59,8 @@ class Truths:
         assert frame not in self.asked
         self.asked.add(frame)
         convergence = Convergence((0.5,), (0.0,), (SHAPE[0] * SHAPE[1],))
-        return Truth(frame, np.full((*SHAPE, 3), 0.5), np.full(SHAPE, self._covered), convergence)
+        means = PixelMeans(np.full((*SHAPE, 3), 0.5), np.zeros((*SHAPE, 3)))
+        return Truth(frame, means, np.full(SHAPE, self._covered), convergence)
 
 
 def search(
@@ -114,7 +115,7 @@ def test_equal_pictures_stay_equal(stage: Stage) -> None:
     empty = replace(stage, scene=replace(stage.scene, output=behind))
 
     def find_truth(frame: int) -> Truth:
-        return replace(Truths()(frame), picture=np.full((*SHAPE, 3), 0.1))
+        return replace(Truths()(frame), means=PixelMeans(np.full((*SHAPE, 3), 0.1), np.zeros((*SHAPE, 3))))
 
     want = MetricTarget("psnr", 90.0)
     assert search(empty, want, range(3), find_truth, paint=lambda *_: 0.0).worst.value == math.inf

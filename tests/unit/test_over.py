@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from kinds_of_data import ball, volume_of
 
-from renderer.accuracy import compute_truth
 from renderer.errors import SceneError
-from renderer.frame import prepare_stage
+from renderer.frame import prepare_stage, view_of
 from renderer.layers import placement_notes
 from renderer.scene import (
     ControlPoint,
@@ -26,6 +25,7 @@ from renderer.scene import (
     parse_scene,
 )
 from renderer.suggest import UPPER_SHARE, VolumeSuggestion, Wish, balance, suggest_over
+from renderer.truth import SceneRays, pixel_centres
 from renderer.volume import Array, Volume, make_volume
 
 UPPER, LOWER = VolumeSpec(FileSource(Path("upper.npy"))), VolumeSpec(FileSource(Path("lower.npy")))
@@ -67,8 +67,9 @@ def exact_share(found: tuple[VolumeSuggestion, VolumeSuggestion], volumes: tuple
         layers.append(LayerSpec(each.volume, transfer, even, each.suggestion.clip, weight=each.weight))
     scene = replace(scene_of(), layers=tuple(layers), shared=SharedKeys())
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volumes=volumes) as stage:
-        pictures = np.array([compute_truth(stage, frame, 1e-3).picture for frame in range(4)])
-    red, blue = pictures[..., 0], pictures[..., 2]
+        rays, places = SceneRays(stage), pixel_centres(scene.output.size)
+        colors = np.concatenate([rays.integrate(view_of(stage, frame), places, 0.5) for frame in range(4)])
+    red, blue = colors[:, 0], colors[:, 2]
     are_both = (red > 0.02) & (blue > 0.02)
     return float(red[are_both].sum() / (red + blue)[are_both].sum())
 

@@ -172,6 +172,21 @@ def test_subsampled_pixel_grids_cost_less(lod: Any) -> None:
     assert load(4, 1, spread=1.0) < load(4, 1, spread=0.1) < load(4, 1, spread=0.01)
 
 
+def test_several_rays_a_pixel_cost_more(lod: Any) -> None:
+    """Only where every pixel is drawn: pixels of subsampled grids have one ray, and none has more than 16."""
+    view = look(target=tuple(lod.batches[0].origin), distance=150.0)
+    orders = lod.orders(view)
+
+    def load(*strides: int, contrast: float, is_scouted: bool = False) -> float:
+        sampling = ScreenSampling(strides, 0.1, 0.0, contrast, 2 * contrast, is_scouted)
+        return sampled(lod, sampling).num_pixels(orders, view)
+
+    assert load(1, contrast=math.inf) < load(1, contrast=0.15) < load(1, contrast=0.02)
+    assert load(1, contrast=0.15) < load(1, contrast=0.15, is_scouted=True)
+    assert load(1, contrast=0.02) < load(1, contrast=0.002) == load(1, contrast=0.001)
+    assert load(4, 2, contrast=math.inf) == load(4, 2, contrast=0.02, is_scouted=True)
+
+
 def test_bricks_out_of_view_take_no_samples(lod: Any) -> None:
     view = look(target=(1e4, 0.0, 0.0), distance=10.0)
     assert lod.num_pixels(lod.orders(view), view) == 0

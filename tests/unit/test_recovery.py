@@ -22,6 +22,7 @@ from renderer.draw import RecoveringRasterizer, SplatRasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.frame import ScheduleController, Stage
 from renderer.job import draw_frames
+from renderer.volume import Float32
 
 NO_CAPABILITY = 0xFFFF
 LOST_ONCE = ["OpenGL's context was lost once, and the unfinished pictures were drawn again"]
@@ -135,9 +136,9 @@ def refuse(*arguments: Any, **options: Any) -> None:
     raise moderngl.Error("cannot create it")
 
 
-def draw_splats(gl: SplatRasterizer | RecoveringRasterizer) -> None:
+def draw_splats(gl: SplatRasterizer | RecoveringRasterizer) -> Float32:
     splats = place_splats(np.zeros((1, 3)), 0.1)
-    gl.rasterize([splats], [in_order(splats)], look())
+    return gl.rasterize([splats], [in_order(splats)], look())
 
 
 @pytest.mark.parametrize("step", ["buffer", "program", "vertex_array", "framebuffer"])
@@ -176,23 +177,30 @@ def refuse_pictures(step: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("limit", ["GL_MAX_TEXTURE_SIZE", "GL_MAX_RENDERBUFFER_SIZE", "GL_MAX_VIEWPORT_DIMS"])
-def test_a_picture_beyond_the_limits_of_a_device(limit: str, rasterizer, monkeypatch) -> None:
-    """It is not asked to draw one: a viewport that is too large would be cut off in silence."""
+def test_a_picture_beyond_the_limits_of_a_device_is_drawn_in_tiles(limit: str, rasterizer, monkeypatch) -> None:
+    """A viewport that is too large would be cut off in silence."""
     value: Any = (2048, 24) if limit.endswith("DIMS") else 24
     monkeypatch.setattr(moderngl.Context, "info", rasterizer._context.info | {limit: value})
-    assert re.fullmatch(
-        r"device: this device cannot draw a picture of this size\n  got: \d+ x \d+ pixels\n"
-        r"  expected: at most 24 pixels a side\n  hint: choose a smaller output\.size",
-        refusal(),
-    )
+    with SplatRasterizer() as gl:
+        assert draw_splats(gl).tobytes() == draw_splats(rasterizer).tobytes()
+        assert gl._target.size == (24, 24)
 
 
-def test_a_picture_that_a_device_has_no_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tiles_are_as_small_as_a_device_has_room_for(rasterizer: SplatRasterizer, monkeypatch) -> None:
+    """An error of GL in a refused tile does not count for the picture."""
+    refuse_pictures("renderbuffer", monkeypatch)
+    monkeypatch.setattr("renderer.draw.splats.splat_rasterizer.SMALLEST_TILE", 4)
+    with SplatRasterizer() as gl:
+        assert draw_splats(gl).tobytes() == draw_splats(rasterizer).tobytes()
+        assert gl._target.size == (16, 16)
+
+
+def test_a_device_that_has_no_room_for_a_tile(monkeypatch: pytest.MonkeyPatch) -> None:
     """An error of GL in the refused picture does not count for the next one."""
     refuse_pictures("renderbuffer", monkeypatch)
     assert re.fullmatch(
-        r"device: the device has no room for a picture of this size\n  got: \d+ x \d+ pixels\n"
-        r"  hint: choose a smaller output\.size",
+        r"device: the device has no room for a tile of a picture\n  got: 64 x 48 pixels\n"
+        r"  hint: end other programs that use the device",
         refusal(),
     )
     with SplatRasterizer() as gl:

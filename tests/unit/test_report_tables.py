@@ -106,8 +106,8 @@ def test_the_terminal_shows_every_setting() -> None:
 @pytest.mark.parametrize(
     ("measurements", "heading"),
     [
-        (brick_series(), "setting bricks ms"),
-        ([*brick_series(), *own_series()], "setting or cells splats ms"),
+        (brick_series(), "setting bricks a pixel ms"),
+        ([*brick_series(), *own_series()], "setting or cells splats a pixel ms"),
         (own_series(), "setting cells splats ms"),
     ],
 )
@@ -122,7 +122,7 @@ def test_estimates_stand_beside_their_intervals() -> None:
     above, titles, _, *lines = terminal_table(study).splitlines()
     assert above.split() == ["time", "quartiles", "PSNR", "95", "%"]
     assert " ".join(titles.split()) == "setting cells splats ms ms dB dB RMSE 95 % memory front"
-    assert "30.00  29.52 to 30.38  0.0316   0.0303 to 0.0334" in lines[0]
+    assert "30.00  29.59 to 30.39  0.0316   0.0302 to 0.0331" in lines[0]
     assert "inf" in lines[2]
     rows = rows_of(study)
     everywhere = study.measurements[0].overall.everywhere
@@ -144,6 +144,7 @@ def test_csv_keeps_every_value(study: Study) -> None:
                 written = float(row[f"{prefix}{metric.name}{'_db' if metric.unit else ''}"])
                 assert np.array_equal(written, accuracy[metric.name], equal_nan=True)
         assert row["num_primitives"] == str(sample.num_primitives)
+        assert row["rays_per_pixel"] == ("" if sample.rays_per_pixel is None else str(sample.rays_per_pixel))
         assert float(row["frame_ms_median"]) == pytest.approx(1000 * np.median(sample.frame_seconds), rel=1e-15)
         for step, seconds in sample.seconds.items():
             low, median, high = 1000 * np.quantile(seconds, [0.25, 0.5, 0.75])
@@ -161,12 +162,14 @@ def test_json_has_everything_but_the_pictures() -> None:
     assert (record["format"], record["date"]) == (1, "2030-01-02")
     assert record["machine"]["versions"] == {"numpy": "2"}
     assert record["volume"] == {"shape": [4, 5, 6], "scale": 0.5}
-    convergence = {"step_voxels": [0.5, 0.25], "change": [1e-5, 3e-9], "num_pixels": [48, 40]}
-    assert record["truths"][1] == {"frame": 7, "seconds": 1.5, "share_on_volume": 0.4, "convergence": convergence}
+    convergence = {"step_voxels": [0.5, 0.25], "change": [1e-5, 3e-9], "num_rays": [48, 40]}
+    truth = {"frame": 7, "seconds": 1.5, "share_on_volume": 0.4, "rays_per_pixel": 12.0, "own_psnr": 60.0}
+    assert record["truths"][1] == truth | {"convergence": convergence}
     for written, m in zip(record["measurements"], study.measurements, strict=True):
         assert (written["series"], written["label"]) == (m.setting.series, m.setting.label)
         assert written["options"] == m.setting.options
         assert (written["num_cells"], written["num_primitives"]) == (m.num_cells, m.num_primitives)
+        assert written["rays_per_pixel"] == m.rays_per_pixel
         assert written["frame_seconds"] == {"median": m.frame_seconds, "quartiles": list(m.frame_seconds_spread)}
         assert written["overall"]["on_volume"]["flip_p99"] == m.overall.on_volume["flip_p99"]
         assert (written["pyramid_seconds"], written["peak_bytes"]) == (m.pyramid_seconds, m.peak_bytes)

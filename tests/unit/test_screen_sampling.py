@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from renderer.bricks import ScreenSampling, screen_sampling_at
+from renderer.bricks import screen_sampling_at
 
 MAX_TERMINATION_TRANSMITTANCE = 0.025
 
@@ -43,9 +43,35 @@ CELL_PX = [1e-3, 0.3, 1.0, 2.0, 5.0, 40.0, 1e6]
 def test_strides_of_the_subsampled_grids(tolerance: float, cell_px: float, strides: tuple[int, ...]) -> None:
     """Drawn pixels are at most 1.35 cells apart for each tenth of the tolerance."""
     spread = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
-    assert screen_sampling_at(tolerance, cell_px) == ScreenSampling(
-        strides, spread, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE)
-    )
+    found = screen_sampling_at(tolerance, cell_px)
+    assert (found.strides, found.difference_threshold) == (strides, spread)
+    assert found.termination_transmittance == min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "cell_px", "contrast", "spread"),
+    [
+        (0.1, 3.0, 0.15, 0.4),
+        (0.1, 1.0, 0.15, 0.4),
+        (0.1, 0.5, 0.075, 0.2),
+        (0.0, 1.0, 0.5 / 255, 4 / 3 / 255),
+        (1e300, 1.0, 1.5e30, 4e30),
+    ],
+)
+def test_contrasts_of_pixels_with_several_rays(tolerance, cell_px: float, contrast: float, spread: float) -> None:
+    """In proportion to the tolerance, and to cells that are smaller than a pixel; half a level or more, in float32."""
+    found = screen_sampling_at(tolerance, cell_px)
+    assert (found.contrast_threshold, found.spread_threshold) == pytest.approx((contrast, spread))
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "cell_px", "is_scouted"),
+    [(0.1, 0.9, True), (0.149, 0.1, True), (0.15, 0.1, False), (0.1, 1.0, False)],
+)
+def test_pixels_larger_than_cells_are_scouted_at_fine_tolerances(
+    tolerance: float, cell_px: float, is_scouted: bool
+) -> None:
+    assert screen_sampling_at(tolerance, cell_px).is_scouted == is_scouted
 
 
 def test_a_stride_is_at_most_half_of_the_thinnest_side() -> None:

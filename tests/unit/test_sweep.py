@@ -19,7 +19,7 @@ from renderer.accuracy import Truth, measure_accuracy, pool_accuracies, spread_e
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.readers import read_volume
 from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, Scene, SplatSpec, TurntablePath
-from renderer.truth import Convergence
+from renderer.truth import Convergence, PixelMeans
 from renderer.view import View
 from renderer.volume import Volume
 
@@ -74,7 +74,9 @@ def truths() -> list[Truth]:
     on_volume = np.zeros((16, 20), bool)
     on_volume[4:12, 5:15] = True
     convergence = Convergence((0.5,), (0.0,), (320,))
-    return [Truth(frame, np.full((16, 20, 3), 0.25 + frame / 100), on_volume, convergence) for frame in FRAMES]
+    pictures = (np.full((16, 20, 3), 0.25 + frame / 100) for frame in FRAMES)
+    means = (PixelMeans(picture, np.zeros_like(picture)) for picture in pictures)
+    return [Truth(frame, each, on_volume, convergence) for frame, each in zip(FRAMES, means, strict=True)]
 
 
 def ticking(seconds: float) -> Callable[[], float]:

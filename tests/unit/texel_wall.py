@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
-from renderer.draw import make_grid
+from renderer.draw import RayGrid, make_grid
 from renderer.kernels import Field, LayerBricks, Light, PiecewiseTransfer, RaySetup, kernels
 from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS
 from renderer.volume import Array, Float32
@@ -48,7 +48,7 @@ def drawn(
     boxes = np.column_stack([left, zero, zero, right, size, zero + 1, left, zero, zero, zero + 1, zero + 1e9])
     image = np.zeros((BRICK_SIZE, BRICK_SIZE * num_bricks, 4), np.float32)
     rectangles, offsets = np.column_stack([left, zero, right, size]), np.arange(num_bricks) * bricks.shape[1]
-    grid = make_grid(rectangles, 1, np.ones(image.shape[:2], np.bool_), image)
+    grid = make_grid(rectangles, RayGrid(image.reshape(-1, 4), image.shape[:2]))
     field = Field(
         scalars=np.append(bricks, np.zeros(2, np.float32)),
         means=np.empty(0, np.float32),

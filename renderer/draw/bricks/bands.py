@@ -1,4 +1,5 @@
-"""Divide the tiles of a picture into bands whose bricks fit into the slots, and say when each brick is used next."""
+"""Divide the tiles of a picture into bands whose bricks fit into the slots of the caches, and say when a brick is used
+next."""
 
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ import numpy as np
 
 from renderer.volume import Int64
 
-# If the bricks of a picture do not all fit into the slots, a band takes at most one slot in this many, because bricks
-# that could stay lose the slots of a band. A turntable of a lit head of 15,168 bricks, with slots for 10,716, made
-# 10,500 bricks anew for each frame with 1, 6900 to 7200 with 4, 6850 with 8, and 6850 with 64. With slots for 5487
-# bricks, it made 14,600, 12,800, 12,600 and 12,600.
+# If the bricks of a picture do not all fit into the slots, the bricks of a band take at most 1 / _BANDS_IN_SLOTS of
+# them: a larger band would evict more bricks that could stay. A turntable of a lit head of 15,168 bricks, with
+# slots for 10,716, made 10,500 bricks anew for each frame with 1, 6900 to 7200 with 4, 6850 with 8, and 6850 with 64.
+# With slots for 5487 bricks, it made 14,600, 12,800, 12,600 and 12,600.
 _BANDS_IN_SLOTS = 8
 
 
@@ -21,8 +22,8 @@ class Band(NamedTuple):
 
     tiles: the numbers of the tiles.
     met: int64 [n], the numbers of the bricks over the tiles, ascending.
-    next_use: int64 [n], the number of the next band that meets each of these bricks. The next picture is taken to have
-        the same bands, whose numbers go on from the last one.
+    next_use: int64 [n], the number of the next band that meets each of these bricks. The next picture is assumed to
+        have the same bands, whose numbers go on from the last band of this picture.
     """
 
     tiles: Int64
@@ -35,9 +36,9 @@ def plan_bands(
 ) -> tuple[list[Band], Int64]:
     """Return bands of all tiles with bricks, and the first band that meets each brick, or -1: int64 [bricks].
 
-    starts, numbers: the bricks over tiles, as `make_grid` returns them. have_slots: a function that tells whether a
-    multiple of the number of some bricks, ascending, fits into the slots. A band has at least one tile, even if its
-    bricks do not fit.
+    starts, numbers: the bricks over tiles, as `make_grid` returns them. have_slots: takes the ascending numbers of
+    some bricks and a factor, and says whether there are slots for this factor times as many bricks. A band has at least
+    one tile, even if its bricks do not fit.
     """
     bands, waiting, is_divided = list[tuple[Int64, Int64]](), [np.flatnonzero(np.diff(starts))], False
     while waiting:

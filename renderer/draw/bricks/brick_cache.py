@@ -5,8 +5,8 @@ One atlas holds the scalars of level 0, another the means of the levels above.
 
 L. A. Belady, "A study of replacement algorithms for a virtual-storage computer", IBM Systems Journal 5 (1966): no other
 order of eviction has to make fewer bricks again. A picture is drawn in bands that are known beforehand, and the next
-picture is assumed to have the same bands. Of bricks that do not fit, as many stay as there is room for. An eviction of
-the least recently used brick would take each brick just before it is needed.
+picture is assumed to have the same bands. If not all bricks fit, as many stay as there is room for. If the least
+recently used brick were evicted instead, each brick would be evicted just before it is needed.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from renderer.transfer import toward_light
 from renderer.view import View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
-# The most bricks whose texels a thread makes before it writes them to the atlas.
+# A thread makes the texels of at most this many bricks before it writes them to the atlas.
 _UPLOAD_BATCH = 64
-# The number of floats after the last texel that loads of whole rows may read.
+# The number of floats of padding behind the last texel: kernels load whole rows and may read so far beyond it.
 _READ_BEHIND = 2
-# The number of the next use for a brick whose next use is not known: larger than all others.
+# The number of the next use of a brick for which it is not known: larger than the number of any known use.
 _NEVER = 1 << 62
 
 
 class Atlas:
     """A store of bricks of one kind, each in a slot. The caller gives each brick a key, from 0 to `num_keys` - 1.
 
-    num_channels: 1 or 4, float32. max_slots: the number of bricks that the atlas may hold, one at least.
+    num_channels: the float32 numbers of a texel, 1 or 4. max_slots: the most bricks that the atlas holds, at least 1.
     num_bytes: the memory that the atlas may take.
     threads: the threads that make texels and write them; None for the calling thread.
     texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels], brick after brick.
@@ -58,7 +58,9 @@ class Atlas:
         self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1 for a brick that is not in the atlas
         self._key_from_slot = np.empty(0, np.int64)  # -1 for a free slot
         self._next_use = np.empty(0, np.int64)
-        self._last_used = np.empty(0, np.int64)  # among bricks without a known next use, the oldest is evicted
+        # The number of the upload that last used each slot. Of bricks without a known next use, the one with the lowest
+        # number is evicted.
+        self._last_used = np.empty(0, np.int64)
         self._use_counter = 0
 
     def texel_offsets(self, slots: Int64) -> Int64:
@@ -66,7 +68,8 @@ class Atlas:
         return slots * self._brick_floats
 
     def reserve(self, num: int = 0) -> None:
-        """Make all slots, or `num` slots if these are more, and forget all bricks. Unused slots take no memory."""
+        """Make `max_slots` slots, or `num` if that is more; bricks are lost if slots are made. Unused slots take no
+        memory."""
         if not len(self.texels) or num > self.max_slots:
             self.max_slots = max(num, self.max_slots)
             self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
@@ -82,23 +85,26 @@ class Atlas:
         return int(np.count_nonzero(self._slot_from_key[keys] < 0))
 
     def plan(self, keys: Int64, next_use: Int64) -> None:
-        """Note the number of each brick's next use, int64 [n], ascending in time. Other bricks have no next use."""
+        """Note when the bricks of `keys` are used next. All other bricks of the atlas count as not used any more.
+
+        next_use: int64 [n], numbers of bands, which ascend in time.
+        """
         slots = self._slot_from_key[keys]
         self._next_use[:] = _NEVER
         self._next_use[slots[slots >= 0]] = next_use[slots >= 0]
 
     def upload(self, keys: Int64, make_texels: Callable[[Int64], Float32], next_use: Int64 | None = None) -> Int64:
-        """Upload the bricks that are missing, and return the slots of all: int64 [n].
+        """Upload the missing ones of some bricks, and return the slots of all of these bricks: int64 [n].
 
         keys: int64 [n], all different; at most as many as there are slots. make_texels: returns the texels of missing
         bricks, float32 [m, ...], from their indices in `keys`; several threads call it. If it raises, the bricks
-        already written stay in the atlas, and the others are not in it. next_use: int64 [n], the numbers of the bricks'
-        next uses; None if they are not known.
+        already written stay in the atlas, and the missing ones remain missing. next_use: int64 [n], the numbers of the
+        bricks' next uses; None if they are not known.
         """
         self._use_counter += 1
         slots = self._slot_from_key[keys]
         missing = np.flatnonzero(slots < 0)
-        self._next_use[slots[slots >= 0]] = -1  # before the eviction, so that none of these bricks is evicted
+        self._next_use[slots[slots >= 0]] = -1  # so that none of these bricks is evicted
         if len(missing):
             free = np.lexsort((self._last_used, -self._next_use))[: len(missing)]
             evicted = self._key_from_slot[free]
@@ -130,15 +136,16 @@ def brick_bytes(num_channels: int) -> int:
 
 
 class BrickView(NamedTuple):
-    """The bricks `batch[order]` in a view, front to back. Positions in index space are relative to the volume's centre.
+    """The bricks `batch[order]` in a view, front to back. Positions are in voxels, relative to the volume's centre.
 
-    keys: int64 [n], the bricks' keys: numbers within level 0, and numbers through all other levels.
+    keys: int64 [n], the bricks' keys in their atlas. Bricks of level 0 are numbered from 0 on, and those of all higher
+        levels together from 0 on.
     is_mean: bool [n], whether a brick is above level 0 and so holds means.
     have_faces: bool [n], whether a brick of level 0 is near a face that clipping cuts and that is lit by its own
         normal.
     rectangles_px: float64 [n, 4], as `screen_rectangles` returns them.
     boxes: float64 [n, 11]: the lowest [3] and the highest corner [3] of the visible bounds, the lowest corner of the
-        first cell [3], cells per voxel, and the length of a step in cells.
+        first cell [3], the cells along a voxel's side, and the length of a step in cells.
     """
 
     batch: BrickBatch
@@ -182,7 +189,8 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
 
 
 def needed_bytes(bricks: BrickLayers) -> list[int]:
-    """Return the bytes of all visible bricks in each atlas of a BrickCache: of each layer's scalars, then of means."""
+    """Return the bytes of all visible bricks in each atlas of a BrickCache: each layer's atlas of scalars, then the one
+    of means."""
     scalars = [
         int(np.count_nonzero(layer.bricks.levels[0].is_visible)) * brick_bytes(_num_channels(layer))
         for layer in bricks.layers
@@ -203,7 +211,7 @@ def drawn_bytes(batch: BrickBatch) -> list[int]:
 
 
 def _num_channels(layer: BrickLayer) -> int:
-    """Return the number of channels of a layer's voxels: one for a scalar, four with light or with colours."""
+    """Return the numbers in a texel of level 0: 1, a scalar, or 4 if the layer is lit or has voxels of colours."""
     return 4 if layer.shading or layer.bricks.volume.colors is not None else 1
 
 
@@ -212,8 +220,8 @@ class BrickCache:
 
     threads: the threads that compute the texels of bricks.
     num_bytes: the memory that each atlas may take, in the order of `needed_bytes`.
-    scalars: an atlas for each layer.
-    means: an atlas for the means of all layers.
+    scalars: an atlas for each layer, with its bricks of level 0.
+    means: an atlas for the bricks of the levels above, with means over all layers.
     """
 
     def __init__(self, bricks: BrickLayers, threads: ThreadPool, num_bytes: Sequence[int]) -> None:
@@ -224,7 +232,7 @@ class BrickCache:
         ]
         self.means = Atlas(4, sum(nums), num_bytes[-1], threads)
         self.num_bytes = num_bytes
-        self._brick_view: BrickView | None = None  # the last view: it may be uploaded and then drawn
+        self._brick_view: BrickView | None = None  # the last view, kept because `upload` and drawing both need it
 
     def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:
         """Upload the bricks `batch[order]`, and return whether any of them was missing.
@@ -244,21 +252,21 @@ class BrickCache:
         return self._prepare(batch, order, view)
 
     def plan(self, brick_view: BrickView, next_use: Int64) -> None:
-        """Note the first band of the next picture that uses each brick of the view: int64 [n]; -1 for none."""
+        """Note when the next picture uses each brick of the view. next_use: int64 [n], the first band; -1 for none."""
         for atlas, is_in, _ in self._parts(brick_view):
             is_used = is_in & (next_use >= 0)
             atlas.plan(brick_view.keys[is_used], next_use[is_used])
 
     def have_slots(self, brick_view: BrickView, numbers: Int64, times: int) -> bool:
-        """Return whether `times` as many bricks as the bricks with these numbers in the view fit into the slots."""
+        """Return whether there are slots for `times` as many bricks as `numbers` has: numbers of bricks in the view."""
         parts = self._parts(brick_view)
         return all(times * np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in parts)
 
     def upload_bricks(self, brick_view: BrickView, numbers: Int64, next_use: Int64 | None = None) -> Int64:
-        """Upload the bricks with these numbers in the view, and return where the texels of all its bricks begin.
+        """Upload the bricks with these numbers in the view, and return where their texels begin: int64 [layers, n].
 
-        Positions are int64 [layers, n], in the atlas of each layer; -1 where a layer shows nothing. Those of means are
-        in the row of the first layer.
+        Returns positions in the atlas of each layer, for all bricks of the view: -1 for a brick that was not asked for,
+        or in which the layer shows nothing. A brick of means has its position, in the atlas of means, in the first row.
 
         next_use: the next uses of these bricks, as in `Atlas.upload`.
         """
@@ -280,7 +288,7 @@ class BrickCache:
         self._brick_view = None
 
     def _prepare(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
-        """Return a view of the bricks: the last view, if it has the same bricks."""
+        """Return the view of the bricks `batch[order]`; the kept one, if it is of the same objects."""
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)
@@ -289,8 +297,8 @@ class BrickCache:
     def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]]:
         """Return the atlases of layers and of means, each with its bricks and a function that makes their texels.
 
-        An atlas's bricks are marked in a bool [n]. The function takes the numbers of bricks in the view, and indices of
-        those whose texels it makes.
+        An atlas's bricks are given as bool [n], over the bricks of the view. The function takes numbers of bricks in
+        the view, and the indices in these numbers of the bricks whose texels it makes.
         """
         layers, is_mean = brick_view.batch.bricks.layers, brick_view.is_mean
         cells = brick_view.batch.cut.cells[brick_view.order]
@@ -312,7 +320,7 @@ class BrickCache:
         return make(cells[among[chosen]])
 
     def _mean_texels(self, brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64) -> Float32:
-        """Return the texels of means: the sum of all layers' means, times the layers' weights."""
+        """Return the texels of bricks of means: the sum over all layers of weight times mean."""
         numbers = among[chosen]
         levels = brick_view.batch.cut.levels[brick_view.order[numbers]]
         texels = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)

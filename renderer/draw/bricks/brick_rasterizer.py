@@ -3,8 +3,9 @@
     pixel grid -> its tiles, with the bricks over each -> bricks front to back, on several threads
     -> the next, finer grid, where neighbouring pixels differ
 
-The bricks of layers on one grid of voxels are drawn as one. Others are mixed, in slabs of depth, or added where nothing
-is absorbed. The picture is the same bytes on every machine, and for any number of threads.
+Layers on one grid of voxels are drawn together, as one set of bricks. Layers on different grids are mixed in slabs of
+depth, or their light is added if the scene's light only adds up. The picture is the same bytes on every machine, and
+for any number of threads.
 """
 
 from __future__ import annotations
@@ -17,38 +18,40 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from renderer.bricks import BrickBatch
+from renderer.bricks import BrickBatch, ScreenSampling, ray_positions
+from renderer.draw.bricks.antialiasing import antialias
 from renderer.draw.bricks.bands import plan_bands
 from renderer.draw.bricks.brick_cache import BrickCache, BrickView, drawn_bytes, needed_bytes
 from renderer.draw.bricks.extremum import search_of
 from renderer.draw.bricks.field import field_of
-from renderer.draw.bricks.grid import make_grid
+from renderer.draw.bricks.grid import RayGrid, make_grid
 from renderer.draw.bricks.mixture import make_mixture
 from renderer.draw.bricks.subsampling import grid_size, refine_grid, upsample
-from renderer.draw.rasterizer import BrickMemory, Rasterizer
+from renderer.draw.rasterizer import BrickMemory, Rasterizer, RayColors
 from renderer.kernels import Grid, LayerBricks, RaySetup, ThreadPool, kernels
 from renderer.scene import FACE_DEPTH
 from renderer.system import MemoryShare
 from renderer.view import View
-from renderer.volume import Bools, Float32, Float64, Int64, UInt32
+from renderer.volume import Float32, Float64, Int64, UInt32
 
-# Each task draws neighbouring tiles, which have bricks in common.
+# The tasks that a band is divided into, for each thread. A task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
-# Of rays through what absorbs nothing; infinite is what is found where no ray is.
+# The alpha at which rays end if light only adds up: no ray reaches it. It is finite, because kernels mark places
+# without a ray by an infinite alpha.
 _NO_END = float(np.finfo(np.float32).max)
-# Bytes of each atlas, as of `needed_bytes`, by the identities of layers.
+# Bytes of each atlas, in the order of `needed_bytes`, by the `id` of the BrickLayers whose bricks they hold.
 Shares = dict[int, list[int]]
 
 
 class BrickRasterizer(Rasterizer):
-    """A rasteriser of bricks. Use as a context manager, or call `release`."""
+    """A rasteriser of bricks. Use it as a context manager, or call `release`."""
 
     device = "the processor"
 
     def __init__(self, *, num_threads: int = 2, memory: MemoryShare | None = None) -> None:
         self.threads = ThreadPool(num_threads)
         self._memory = memory or MemoryShare()
-        self.caches: dict[int, BrickCache] = {}  # by the identities of layers, which they hold
+        self.caches: dict[int, BrickCache] = {}  # by the `id` of the BrickLayers whose bricks they hold
 
     def release(self) -> None:
         """Free the bricks, and end the threads."""
@@ -67,43 +70,67 @@ class BrickRasterizer(Rasterizer):
         uploaded = [cache.upload(batch, order, view) for cache, batch, order in of_batches]
         return any(uploaded)
 
-    def rasterize(self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View) -> Float32:
+    def rasterize(
+        self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View, colors: RayColors | None = None
+    ) -> Float32:
         """Composite `batch[order]` of all batches, each front to back, over nothing.
 
-        Returns float32 [height, width, 4], premultiplied RGBA. Where nothing is absorbed, alpha is what absorption
-        would give, or the brightest channel if that is more, at most 1.
+        colors: the function that colours rays which gather something other than light; None for rays of light.
+        Returns float32 [height, width, 4], premultiplied RGBA. If light only adds up, alpha is the value that it would
+        have with absorption, or the brightest channel if that is more, at most 1.
         """
         caches = self._caches_of(batches)
         views = [
             cache.begin_frame(batch, order, view) for cache, batch, order in zip(caches, batches, orders, strict=True)
         ]
-        samplings = [batch.screen_sampling for batch in batches]
-        finest = min(samplings, key=lambda each: (each.strides, each.difference_threshold))
-        least = min(each.termination_transmittance for each in samplings)
-        sampling = replace(finest, termination_transmittance=least)  # as fine as all of them
+        sampling = _finest([batch.screen_sampling for batch in batches])
         is_additive = batches[0].bricks.is_additive
         parts = [_part_alone(*each) for each in zip(caches, views, strict=True)]
         if sum(len(order) > 0 for order in orders) > 1 and not is_additive:
             parts = [_mixed_part(caches, views, sampling.termination_alpha)]
-        columns, rows = grid_size(view.size, sampling.strides[0])
-        image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
-        self._draw_parts(parts, sampling.strides[0], is_drawn, image)
-        for coarse, stride in pairwise(sampling.strides):
-            image, is_drawn = refine_grid(
-                image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self.threads
-            )
-            self._draw_parts(parts, stride, is_drawn, image)
-        stride = sampling.strides[-1]
-        image = image if stride == 1 else upsample(image, stride, view.size, self.threads)
-        if is_additive:
-            brightest = np.minimum(image[..., :3].max(axis=2), np.float32(1))
-            image[..., 3] = np.maximum(-np.expm1(-image[..., 3]), brightest)
+        finish = _additive_colors if is_additive else colors or _same_colors
+        image = finish(self._draw_ladder(parts, sampling, view), None)
+        if sampling.strides[-1] == 1:
+            antialias(image, sampling, partial(self._draw_rays, parts, view, finish), self.threads)
         return image
 
+    def _draw_ladder(self, parts: Sequence[_Part], sampling: ScreenSampling, view: View) -> Float32:
+        """Draw one ray a pixel, or fewer, from the coarsest pixel grid to the finest: float32 [h, w, 4]."""
+        columns, rows = grid_size(view.size, sampling.strides[0])
+        image = np.zeros((rows, columns, 4), np.float32)
+        self._draw_parts(parts, RayGrid(image.reshape(-1, 4), (rows, columns), stride=sampling.strides[0]))
+        for coarse, stride in pairwise(sampling.strides):
+            columns, rows = grid_size(view.size, stride)
+            image, places = refine_grid(
+                image, coarse // stride, sampling.difference_threshold, (columns, rows), self.threads
+            )
+            self._draw_parts(parts, RayGrid(image.reshape(-1, 4), (rows, columns), places, stride=stride))
+        stride = sampling.strides[-1]
+        return image if stride == 1 else upsample(image, stride, view.size, self.threads)
+
+    def _draw_rays(
+        self,
+        parts: Sequence[_Part],
+        view: View,
+        finish: RayColors,
+        pixels: Int64,
+        across: int,
+        *,
+        is_scattered: bool = False,
+    ) -> Float32:
+        """Draw several rays in pixels; the function DrawRays, after the first three parameters."""
+        width, first_row = view.size[0], int(pixels[0]) // view.size[0]
+        num_rows = int(pixels[-1]) // width + 1 - first_row
+        places = np.full((num_rows, width), -1, np.int32)
+        places.reshape(-1)[pixels - first_row * width] = np.arange(len(pixels), dtype=np.int32) * across**2
+        rays = np.zeros((len(pixels) * across**2, 4), np.float32)
+        self._draw_parts(parts, RayGrid(rays, (num_rows, width), places, 1, across, is_scattered, first_row))
+        return finish(rays, ray_positions(pixels, width, across, is_scattered=is_scattered))
+
     def _caches_of(self, batches: Sequence[BrickBatch]) -> list[BrickCache]:
-        """Return the caches of the layers of batches, which share the memory, and free those of all other layers."""
+        """Return the caches of the layers of batches, which share the memory, and free the caches of other layers."""
         shown = {id(batch.bricks): batch for batch in batches}
-        for number in [number for number in self.caches if number not in shown]:  # of another frame or film
+        for number in [number for number in self.caches if number not in shown]:  # caches of another frame or film
             self.caches.pop(number).release()
         drawn = {number: drawn_bytes(batch) for number, batch in shown.items()}
         if not all(number in self.caches and _have_room(self.caches[number], drawn[number]) for number in shown):
@@ -118,8 +145,11 @@ class BrickRasterizer(Rasterizer):
         return [self.caches[id(batch.bricks)] for batch in batches]
 
     def _fit(self, drawn: Shares, shares: Shares, limit: int) -> bool:
-        """Return whether caches can stay: with new ones they take no more than the limit, and none has less than half
-        of the room that it could have for what is drawn."""
+        """Return whether the caches can stay, and new ones be added for other layers.
+
+        All caches together must take at most `limit`. No atlas may have less than half of the bytes that it could have
+        for the bricks that are drawn.
+        """
         taken = [self.caches[number].num_bytes if number in self.caches else own for number, own in shares.items()]
         return sum(map(sum, taken)) <= limit and not any(
             2 * has < min(of_atlas, could_have)
@@ -127,10 +157,11 @@ class BrickRasterizer(Rasterizer):
             for has, of_atlas, could_have in zip(cache.num_bytes, drawn[number], shares[number], strict=True)
         )
 
-    def _draw_parts(self, parts: Sequence[_Part], stride: int, is_drawn: Bools, image: Float32) -> None:
-        """Draw parts of a picture, one under the other, each in bands of tiles whose bricks have slots at once."""
+    def _draw_parts(self, parts: Sequence[_Part], grid_of_rays: RayGrid) -> None:
+        """Draw parts of a picture over the same rays, one after another, each in bands whose bricks have slots."""
+        self.num_rays += grid_of_rays.num_rays
         for part in parts:
-            grid = make_grid(part.rectangles_px, stride, is_drawn, image, is_mixture=len(part.views) > 1)
+            grid = make_grid(part.rectangles_px, grid_of_rays, is_mixture=len(part.views) > 1)
             bands, first_use = plan_bands(grid.starts, grid.numbers, len(part.members), part.have_slots)
             part.plan(first_use)
             for tiles, met, next_use in bands:
@@ -140,8 +171,37 @@ class BrickRasterizer(Rasterizer):
                 self.threads.map(lambda task: task(), tasks)
 
 
+def _finest(samplings: Sequence[ScreenSampling]) -> ScreenSampling:
+    """Return a sampling whose every setting is at least as fine as that of each of some samplings."""
+    finest = min(samplings, key=lambda each: (each.strides, each.difference_threshold))
+    return replace(
+        finest,
+        termination_transmittance=min(each.termination_transmittance for each in samplings),
+        contrast_threshold=min(each.contrast_threshold for each in samplings),
+        spread_threshold=min(each.spread_threshold for each in samplings),
+        is_scouted=any(each.is_scouted for each in samplings),
+    )
+
+
+def _same_colors(rays: Float32, _positions_px: Float64 | None) -> Float32:
+    return rays
+
+
+def _additive_colors(rays: Float32, _positions_px: Float64 | None) -> Float32:
+    """Set the alpha of rays whose light only adds up: 1 - exp(-optical depth), or the brightest channel if it is more.
+
+    rays: float32 [..., 4], light and optical depth, changed in place.
+    """
+    brightest = np.minimum(rays[..., :3].max(axis=-1), np.float32(1))
+    rays[..., 3] = np.maximum(-np.expm1(-rays[..., 3]), brightest)
+    return rays
+
+
 def share_memory(drawn: Shares, needed: Shares, limit: int) -> Shares:
-    """Share memory among the atlases of some caches: first for bricks of this picture, then for all visible ones."""
+    """Share memory among the atlases of caches: first for the bricks of this picture, then for all visible bricks.
+
+    drawn, needed: the bytes for the bricks of this picture, and for all visible bricks. limit: the bytes to share.
+    """
     of_drawn = share_out([each for own in drawn.values() for each in own], limit)
     of_all = [each for own in needed.values() for each in own]
     missing = [max(0, each - has) for each, has in zip(of_all, of_drawn, strict=True)]
@@ -150,7 +210,7 @@ def share_memory(drawn: Shares, needed: Shares, limit: int) -> Shares:
 
 
 def share_out(needs: Sequence[int], total: int) -> list[int]:
-    """Share a total among some needs: no share exceeds its need, and shares below their needs are equal."""
+    """Share a total among some needs. No share exceeds its need, and all shares that fall short are equal."""
     shares, left = [0] * len(needs), total
     for num_before, number in enumerate(sorted(range(len(needs)), key=needs.__getitem__)):
         shares[number] = min(needs[number], left // (len(needs) - num_before))
@@ -169,10 +229,11 @@ class _DrawTiles(Protocol):
 
 
 class _Part(NamedTuple):
-    """A part of a picture that one kernel draws: the bricks of one view, or of several that are mixed.
+    """A part of a picture that one kernel draws: the bricks of one view, or of several views that are mixed.
 
-    members, rectangles_px: as in Mixture. make_kernel: returns what draws tiles, from the grid and from where texels
-        begin, of each view, as `BrickCache.upload_bricks` returns it.
+    members, rectangles_px: as in Mixture.
+    make_kernel: returns the function that draws tiles, from the grid and, for each view, the positions of texels that
+        `BrickCache.upload_bricks` returns.
     """
 
     caches: Sequence[BrickCache]
@@ -182,26 +243,29 @@ class _Part(NamedTuple):
     make_kernel: Callable[[Grid, Sequence[Int64]], _DrawTiles]
 
     def have_slots(self, members: Int64, times: int) -> bool:
-        """Return whether `times` as many bricks as these have slots at once."""
+        """Return whether there are slots for `times` as many bricks as `members` has. members: numbers of bricks."""
         of_views = zip(self.caches, self.views, self._by_view(members), strict=True)
         return all(cache.have_slots(view, self.members[each, 1], times) for cache, view, each in of_views)
 
     def plan(self, first_use: Int64) -> None:
-        """Note which band meets each brick first, or -1: int64 [members]."""
+        """Note which band of the next picture meets each brick first. first_use: int64 [members]; -1 for none."""
         for k, (cache, view) in enumerate(zip(self.caches, self.views, strict=True)):
             of_view, by_number = self.members[:, 0] == k, np.full(len(view.order), -1, np.int64)
             by_number[self.members[of_view, 1]] = first_use[of_view]
             cache.plan(view, by_number)
 
     def upload(self, members: Int64, next_use: Int64) -> list[Int64]:
-        """Upload these bricks, and return where their texels begin, of each view. next_use: as in Band."""
+        """Upload bricks, and return where their texels begin, as `BrickCache.upload_bricks`, for each view.
+
+        members: int64 [n], numbers of bricks of this part. next_use: as in Band.
+        """
         by_member = np.full(len(self.members), -1, np.int64)
         by_member[members] = next_use
         parts = zip(self.caches, self.views, self._by_view(members), strict=True)
         return [cache.upload_bricks(view, self.members[each, 1], by_member[each]) for cache, view, each in parts]
 
     def _by_view(self, members: Int64) -> list[Int64]:
-        """Return which of these bricks are of each view, by ascending numbers in it."""
+        """Divide bricks by their views; the bricks of a view are sorted by their numbers in it."""
         found = [members[self.members[members, 0] == k] for k in range(len(self.views))]
         return [each[np.argsort(self.members[each, 1])] for each in found]
 
@@ -241,7 +305,8 @@ def _mixed_part(caches: Sequence[BrickCache], views: Sequence[BrickView], termin
 def _layer_bricks(cache: BrickCache, brick_view: BrickView, offsets: Int64, rays: RaySetup, unit: float) -> LayerBricks:
     """Return the bricks of a view as kernels take them.
 
-    offsets: as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model unit.
+    offsets: positions of texels, as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model
+    unit.
     """
     layers = brick_view.batch.bricks.layers
     fields = [

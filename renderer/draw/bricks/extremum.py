@@ -8,13 +8,13 @@ from renderer.bricks import BrickBatch
 from renderer.kernels import SearchRules
 from renderer.view import View
 
-# In searches by depth, a later number must exceed the largest one by this share of the colour range, so that rounding
-# does not choose between equal numbers.
+# If the extremum is coloured by its depth, a later value along a ray replaces the largest one only if it exceeds it by
+# more than this share of the colour range, so that rounding does not choose between equal values.
 _MIN_RISE = 2.0**-18
 
 
 def search_of(batch: BrickBatch, view: View) -> SearchRules:
-    """Return the rules of the search for the extremum in a view."""
+    """Return the rules by which kernels search rays of a view for the most extreme scalar."""
     extremes, volume = batch.extremes, batch.cut.volume
     assert extremes is not None
     nearer = -0.5 / batch.model_unit * (view.forward @ volume.world_from_index[:3, :3])

@@ -1,4 +1,4 @@
-"""Describe the field from which samples are taken, for `sample.h`."""
+"""Describe the field of a layer from which kernels take samples, for `sample.h`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from renderer.volume import Float32, Int64
 def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64, brick_view: BrickView) -> Field:
     """Return the field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
 
-    scalars, means: the atlases, as in Field. offsets: the texel offsets of the bricks of `brick_view`, as in Field.
+    scalars, means: the texels of the two atlases, as in the record Field of kernels. offsets: the positions of the
+    texels of the bricks of `brick_view`, as in Field.
     """
     shading = layer.shading if layer.shading and layer.shading.is_plain else ShadingSpec()
     return Field(
@@ -37,7 +38,7 @@ def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64
 
 
 def _mask_of(layer: BrickLayer, brick_view: BrickView) -> FieldMask | None:
-    """Return the mask of a layer, with the bricks of the view that the mask cuts; None without a mask."""
+    """Return the mask of a layer, and which bricks of the view its border passes through; None without a mask."""
     volume, are_cut = layer.bricks.volume, layer.bricks.are_cut
     if volume.mask_grid is None or are_cut is None:
         return None

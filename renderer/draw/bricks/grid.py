@@ -1,31 +1,67 @@
-"""Divide pixel grids into tiles, and find the bricks over each; kernels draw into them."""
+"""Divide grids of rays into tiles, and find the bricks over each tile; kernels draw these bricks into the rays."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from renderer.kernels import Grid, kernels
-from renderer.volume import Bools, Float32, Float64
+from renderer.volume import Float32, Float64, Int32
 
-# Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
-# of tiles of 64 do not fit into the cache.
-TILE_SIDE, SMALL_TILE_SIDE = 32, 16
+# Rays along the sides of a tile of a picture with a ray for every pixel. With 16, bricks are set up for more tiles, and
+# with 64 the rays of a tile do not fit into the cache.
+TILE_SIDE = 32
 
-# Pixels that are so near to a rectangle's edge count as inside: rounding may have moved the edge.
+# Rays along the sides of a tile of a subsampled grid or of a mixture of volumes.
+SMALL_TILE_SIDE = 16
+
+# Rays at most this far outside of a brick's rectangle, in pixels, count as inside: rounding may have moved its edges.
 _EDGE_ROUNDING_PX = 2e-3
 
 
-def make_grid(
-    rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float32, *, is_mixture: bool = False
-) -> Grid:
-    """Return a grid of pixels into which bricks are drawn, in tiles.
+class RayGrid(NamedTuple):
+    """A grid of pixels, with one ray or several in each, of a picture or of some rows of a picture.
 
-    rectangles_px: float64 [n, 4], left, top, right and bottom of each brick. Others as in Grid.
+    rays: float32 [n, 4], the colours, or other amounts, that rays have gathered. shape: rows and columns of pixels.
+    places: int32 [rows, columns], the index in `rays` of each pixel's first ray, or -1 where none is drawn; None where
+        each pixel has one ray.
+    stride: the pixels of the grid are every `stride`-th pixel of the picture along both axes, from its first pixel.
+    rays_across: the rays along each side of a pixel. is_scattered: as in the record Grid of kernels.
+    first_row: the row of the picture in which the grid begins.
     """
-    shape = is_drawn.shape[1], is_drawn.shape[0]
-    side = TILE_SIDE if stride == 1 and not is_mixture else SMALL_TILE_SIDE
-    low = np.ceil((rectangles_px[:, :2] - 0.5 - _EDGE_ROUNDING_PX) / stride)
-    high = np.floor((rectangles_px[:, 2:] - 0.5 + _EDGE_ROUNDING_PX) / stride) + 1
+
+    rays: Float32
+    shape: tuple[int, int]
+    places: Int32 | None = None
+    stride: int = 1
+    rays_across: int = 1
+    is_scattered: bool = False
+    first_row: int = 0
+
+    @property
+    def num_rays(self) -> int:
+        """Return the number of rays to draw."""
+        if self.places is None:
+            return len(self.rays)
+        return int(np.count_nonzero(self.places >= 0)) * self.rays_across**2
+
+
+def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False) -> Grid:
+    """Return the record Grid of kernels: a grid of rays in tiles, with the bricks over each tile.
+
+    rectangles_px: float64 [n, 4], left, top, right and bottom of each brick in the picture.
+    """
+    across = grid.rays_across
+    side = TILE_SIDE if grid.stride == 1 and not is_mixture else SMALL_TILE_SIDE
+    side -= side % across
+    shape = grid.shape[1] * across, grid.shape[0] * across
+    step = grid.stride / across  # from one ray to the next, in pixels
+    first = np.array([0.5 / across, 0.5 / across + grid.first_row])  # x and y of the first ray, in pixels
+    # Rays are displaced from a regular lattice by up to this distance along each axis, in pixels.
+    shear = 0.5 if grid.is_scattered else (0.5 - 0.5 / across) / across
+    low = np.ceil((rectangles_px[:, :2] - first - shear - _EDGE_ROUNDING_PX) / step)
+    high = np.floor((rectangles_px[:, 2:] - first + shear + _EDGE_ROUNDING_PX) / step) + 1
     rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
     rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
     tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])
@@ -37,10 +73,14 @@ def make_grid(
     )
     return Grid(
         side=side,
-        stride=stride,
+        stride=grid.stride,
+        rays_across=across,
+        is_scattered=grid.is_scattered,
+        first_row=grid.first_row,
+        shape=grid.shape,
         rectangles=rectangles,
         starts=starts[:-1],
         numbers=numbers,
-        is_drawn=is_drawn,
-        image=image,
+        places=grid.places,
+        rays=grid.rays,
     )

@@ -1,6 +1,6 @@
 """Describe light and extinction that depend on the view or on the length of the gradient, for `light.h`.
 
-Light by Lambert's law from a fixed direction is `Field.lambert`, which costs less.
+Light that follows Lambert's law and has a fixed direction is in `Field.lambert` instead, which costs less time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from renderer.volume import Float32
 
 
 def make_light(layer: BrickLayer) -> Light | None:
-    """Return the light of a layer; None without a light, or if it follows Lambert's law alone."""
+    """Return the record Light of kernels for a layer; None without light, or if `Field.lambert` is all of it."""
     shading = layer.shading
     if shading is None or shading.is_plain:
         return None
@@ -40,7 +40,7 @@ def make_light(layer: BrickLayer) -> Light | None:
 
 
 def _factors(layer: BrickLayer) -> Float32:
-    """Return the factors on a layer's extinction by the length of the gradient, as in `Light.factors`."""
+    """Return the factors by which the length of the gradient changes a layer's extinction, as in `Light.factors`."""
     points = np.array((layer.shading and layer.shading.gradient_opacity) or (), np.float64).reshape(-1, 2)
     gradients, factors = texel_gradients(layer.bricks, points[:, 0]), points[:, 1]
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):

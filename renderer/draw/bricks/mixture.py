@@ -1,4 +1,4 @@
-"""Describe volumes that overlap, each in a grid of its own, for `mixture.cpp`."""
+"""Describe volumes that overlap, each on its own grid of voxels, for `mixture.cpp`."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from renderer.volume import Float64, Int64
 
 
 class Mixture(NamedTuple):
-    """The bricks of several views of one camera, by ascending nearest depth, and the rays in each view's grid.
+    """The bricks of several volumes, seen by one camera and sorted by their nearest depth.
 
+    rays: the rays of the picture in the index space of each volume.
     unit: the world length of a model unit.
     members: int64 [n, 2], the number of each brick's view, and the number of the brick in this view.
     depths: float64 [n, 3], the nearest and the farthest depth of each brick, and the depth of a step in it, in model
@@ -31,7 +32,7 @@ class Mixture(NamedTuple):
 
 
 def make_mixture(brick_views: Sequence[BrickView]) -> Mixture:
-    """Join the bricks of several views. The order of the views has no effect but on their numbers."""
+    """Join the bricks of several volumes' views. The order of the views only decides the numbers in `members`."""
     volumes, view = [each.batch.cut.volume for each in brick_views], brick_views[0].view
     middle = np.mean(np.sort([volume.centre for volume in volumes], axis=0), axis=0)
     unit = max(volume.half_diagonal for volume in volumes)
@@ -45,7 +46,7 @@ def make_mixture(brick_views: Sequence[BrickView]) -> Mixture:
 
 
 def _depths(brick_view: BrickView, rays: RaySetup, unit: float) -> Float64:
-    """Return the depths of the bricks of a view, as in Mixture."""
+    """Return the depths of the bricks of a view, float64 [n, 3], as in `Mixture.depths`."""
     volume, view, boxes = brick_view.batch.cut.volume, brick_view.view, brick_view.boxes
     plane = view.near / unit - rays.start
     centre = -view.view_from_world(volume.centre)[2] / unit - plane

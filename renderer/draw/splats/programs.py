@@ -11,15 +11,16 @@ import numpy.typing as npt
 
 from renderer.view import CLIPPED_SIGMAS, CULLED_SIGMAS
 
-# The most shapes of splats: the uniform block holds 48 bytes for each shape, and GL guarantees 16 KiB.
+# The most shapes that the splats of a batch may have: a uniform block holds 48 bytes for each shape, and OpenGL
+# guarantees it 16 KiB.
 MAX_SHAPES = 256
 
-# The constants that shaders use by these names.
+# Constants that Python shares with shaders, by their names in shaders.
 _CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "CLIPPED_SIGMAS": CLIPPED_SIGMAS,
     "CULLED_SIGMAS": CULLED_SIGMAS,
     "MAX_SHAPES": MAX_SHAPES,
-    # A number that stands for infinity where float32 is needed.
+    # A finite float32 number that stands for infinity.
     "LARGE_FLOAT32": 1e30,
     # The coefficients a, b, c, d of 1 - exp(-x) below x = 1/2, where the difference would cancel: it is x (1 - x (a - x
     # (b - x (c - x d)))), the polynomial with 1 at 0 whose largest relative error is least (9e-8, by linear
@@ -27,13 +28,17 @@ _CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "OPACITY_SERIES": (0.49999463, 0.16656359, 0.04104245, 0.00680757),
 }
 
-# The layout of the vertices of splats (SplatBatch.vertices), and of the mesh of a Gouraud footprint.
+# The layout in memory of the vertex of a splat (SplatBatch.vertices), with the names of the inputs of shaders.
 SPLAT_VERTEX = np.dtype([("center", "f4", 3), ("areas", "f4", 4), ("shape", "f4")])
+# The layout in memory of a vertex of the mesh of the Gouraud footprint, with the names of the inputs of shaders.
 MESH_VERTEX = np.dtype([("mesh_vertex", "f4", 2), ("mesh_weight", "f4")])
 
 
 def load_shader(*names: str) -> str:
-    """Return the text of one program stage: the version, the constants that its files use, and the files."""
+    """Return the source of one stage of a shader program: the version, the constants in use, and the text of files.
+
+    names: the names of the files.
+    """
     text = "\n".join((files("renderer.draw.splats") / "shaders" / name).read_text("utf-8") for name in names)
     used = sorted(_CONSTANTS.keys() & re.findall(r"\w+", text))
     declarations = [_declaration(name, _CONSTANTS[name]) for name in used]
@@ -41,7 +46,10 @@ def load_shader(*names: str) -> str:
 
 
 def vertex_content(buffer: Any, layout: npt.DTypeLike, step: str = "") -> tuple[Any, ...]:
-    """Return a buffer with its vertex layout, as moderngl takes them. step: "/i" if each instance takes one element."""
+    """Return a buffer with the layout of its vertices, as moderngl's `vertex_array` takes them.
+
+    step: "/i" if each instance takes one element of the buffer, "" if each vertex does.
+    """
     fields: Any = np.dtype(layout).fields
     return buffer, " ".join(f"{field[0].itemsize // 4}f" for field in fields.values()) + step, *fields
 

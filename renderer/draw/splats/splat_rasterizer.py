@@ -1,12 +1,15 @@
-"""Rasterise splats with OpenGL, which no other footprint needs.
+"""Rasterise splats with OpenGL; bricks need no OpenGL.
 
-The context is headless EGL (any GPU's driver, or Mesa's llvmpipe), the target float32 RGBA. Splats are sorted back to
-front and uploaded in batches of bounded size, so that neither their number nor the driver's limits on buffers matter:
+The context is made by EGL without a display (any GPU's driver, or Mesa's llvmpipe), and the target is float32 RGBA.
+Splats are sorted back to front and uploaded in batches of bounded size, so that neither their number nor the driver's
+limits on buffers matter:
 
     batch of splats -> vertex buffer -> points, quads (larger than the driver's points) or triangle fans
-                    -> fragment alpha -> blended "over", premultiplied, in float32 -> read back once a frame
+                    -> fragment alpha -> blended "over", premultiplied, in float32 -> read back once a tile
+                    -> the mean of a pixel's samples
 
-Rows are drawn upside down, so that the image that is read back has row 0 at the top.
+Splats are drawn on a lattice of samples: a regular grid, with one or several samples in each pixel. Large lattices are
+drawn tile by tile. Rows are drawn upside down, so that the image that is read back has row 0 at the top.
 """
 
 from __future__ import annotations
@@ -22,9 +25,17 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from renderer.draw.rasterizer import Rasterizer
+from renderer.draw.rasterizer import Rasterizer, RayColors
 from renderer.draw.splats.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
 from renderer.draw.splats.programs import MAX_SHAPES, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
+from renderer.draw.splats.samples import (
+    LARGEST_TILE,
+    SMALLEST_TILE,
+    Tile,
+    average_samples,
+    tiles_over,
+    whole_pixels,
+)
 from renderer.errors import ContextLostError, RenderError
 from renderer.kernels import ModelView
 from renderer.splats import SplatBatch
@@ -39,7 +50,10 @@ from renderer.view import (
 )
 from renderer.volume import Array, Float32, Float64, Int64, UInt32
 
-DrawSplats = Callable[[UInt32], None]  # draws these splats of a batch, back to front
+# A function that draws splats of a batch, given by their numbers, back to front.
+DrawSplats = Callable[[UInt32], None]
+# A function that draws splats of a batch, given by their numbers, into a tile, back to front.
+DrawInTile = Callable[[Tile, UInt32], None]
 
 # The most splats that are on the device at a time: 8 MiB of vertices.
 BATCH_SIZE = 1 << 18
@@ -49,15 +63,16 @@ VERTEX_BYTES = SPLAT_VERTEX.itemsize
 # The most EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
 
+# The packages of Debian and Ubuntu that provide EGL and Mesa's software renderer.
 EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
 
 class SplatRasterizer(Rasterizer):
-    """A rasteriser of splats: a GL context with its programs, for any number of frames of any size.
+    """A rasteriser of splats: an OpenGL context with its programs, for any number of frames of any size.
 
-    Use it as a context manager, or call `release`. Raises RenderError if no context can be made, or if a picture is too
-    large for the device, and ContextLostError if the context is lost while it draws; the rasteriser cannot be used any
-    more then, and RecoveringRasterizer makes another one.
+    Use it as a context manager, or call `release`. Making it raises RenderError if there is no context. Drawing raises
+    RenderError if the device has no room for a tile of a picture, and ContextLostError if the context is lost; the
+    rasteriser cannot be used any more then, and RecoveringRasterizer makes another one.
     """
 
     def __init__(self) -> None:
@@ -67,7 +82,8 @@ class SplatRasterizer(Rasterizer):
         self.device = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"
         self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
         sides = info["GL_MAX_TEXTURE_SIZE"], info["GL_MAX_RENDERBUFFER_SIZE"], *info["GL_MAX_VIEWPORT_DIMS"]
-        self._largest_side_px = int(min(sides))
+        # The side of the tiles of pictures, in samples. GL would cut off a larger viewport without an error.
+        self._tile_side = int(min(LARGEST_TILE, *sides))
         with self._drawing():
             self._splat_buffer = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
             self._shape_buffer = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
@@ -80,8 +96,10 @@ class SplatRasterizer(Rasterizer):
         """Free the context, and all programs and buffers in it."""
         self._context.release()
 
-    def rasterize(self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View) -> Float32:
-        """Composite `batch[order]` of the only batch, back to front, without a background.
+    def rasterize(
+        self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View, colors: RayColors | None = None
+    ) -> Float32:
+        """Composite `batch[order]` of the only batch, back to front, over nothing.
 
         Returns float32 [height, width, 4], premultiplied RGBA.
         """
@@ -92,15 +110,15 @@ class SplatRasterizer(Rasterizer):
     def _drawing(self) -> Iterator[None]:
         """Make the context current, and raise ContextLostError if drawing in it fails.
 
-        GL raises no error if the device is reset or runs out of memory: it goes on, and images are wrong.
+        OpenGL itself raises no error if the device is reset or runs out of memory: it goes on, and images are wrong.
         """
         try:
-            with self._context:  # another context may have become current since
+            with self._context:  # makes it current: another context may have become current since the last picture
                 try:
                     yield
                     self._context.gc()
                 finally:
-                    got = self._context.error  # read in any case, so that the next picture starts without an error
+                    got = self._context.error  # read even after an exception, to clear it for the next picture
         except moderngl.Error as error:
             raise self._context_lost_error(str(error)) from error
         if got != "GL_NO_ERROR":
@@ -110,55 +128,62 @@ class SplatRasterizer(Rasterizer):
         return ContextLostError("OpenGL failed to draw, or its context was lost", where=self.device, got=got)
 
     def _rasterize_splats(self, batch: SplatBatch, order: UInt32, view: View) -> Float32:
-        camera = model_view(batch, view)
-        draw = self._prepare_splats(batch, camera)
+        across = batch.samples_across
+        camera = model_view(batch, view.magnified(across))
         region, num_at_once = covered_region(batch, camera), len(order)
         if len(order) > MIN_CHUNK_SPLATS and region.num_pixels > 0:
             num_at_once = splats_per_chunk(region.num_pixels, mean_footprint_area_px(batch, order, camera, region))
-        if len(order) <= num_at_once:
-            return self._rasterize_chunk(draw, order, view.size, Region(0, 0, *view.size))
+        chunks = [order[first : first + num_at_once] for first in range(0, len(order), max(num_at_once, 1))]
+        tile_size = self._target_for(camera.size, across).size
+        draw = self._prepare_splats(batch, camera, tile_size)
         image = np.zeros((view.size[1], view.size[0], 4), np.float32)
-        covered = np.zeros((region.height, region.width, 4))
-        for first in range(0, len(order), num_at_once):
-            chunk = self._rasterize_chunk(draw, order[first : first + num_at_once], view.size, region)
-            covered *= 1.0 - chunk[..., 3:].astype(np.float64)
-            covered += chunk
-        image[region.top : region.top + region.height, region.left : region.left + region.width] = covered
+        for tile in tiles_over(whole_pixels(region, across), tile_size):
+            pixels = average_samples(self._rasterize_tile(partial(draw, tile), chunks, tile.part), across)
+            top, left = (tile.top + tile.part.top) // across, (tile.left + tile.part.left) // across
+            image[top : top + pixels.shape[0], left : left + pixels.shape[1]] = pixels
         return image
 
-    def _prepare_splats(self, batch: SplatBatch, camera: ModelView) -> DrawSplats:
-        """Upload shapes and uniforms of a batch, and return the function that draws some of its splats with them."""
+    def _prepare_splats(self, batch: SplatBatch, camera: ModelView, tile_size: tuple[int, int]) -> DrawInTile:
+        """Upload the shapes and uniforms of a batch, and return the function that draws some of its splats."""
         footprint = batch.footprint
         self._shape_buffer.write(_shape_block(batch, camera))
         self._shape_buffer.bind_to_uniform_block(0)
         program = self._program(footprint.name)
         _set_camera(program, camera)
+        program["tile_px"] = tile_size
         program["near_beyond_origin"] = camera.near + float(camera.view_from_model[2, 3])
         program["slope_limit"] = tuple(camera.slope_limit)
         for uniform in footprint.uniforms:
             program[uniform] = getattr(footprint, uniform)
-        return partial(self._draw_functions[footprint.name], program, batch, camera)
 
-    def _rasterize_chunk(self, draw: DrawSplats, order: UInt32, size: tuple[int, int], region: Region) -> Float32:
-        """Draw some splats into a region of the image, without a background, blended in float32."""
-        with self._render_region(size, region) as image:
-            for first in range(0, len(order), BATCH_SIZE):
-                draw(order[first : first + BATCH_SIZE])
-        return image
+        def draw(tile: Tile, order: UInt32) -> None:
+            program["corner_px"] = tile.left, tile.top
+            self._draw_functions[footprint.name](program, batch, camera, order)
 
-    @contextmanager
-    def _render_region(self, size: tuple[int, int], region: Region) -> Iterator[Float32]:
-        """Clear a region of an image of size (width, height), and read it back at the end of the `with` block."""
-        image = np.empty((region.height, region.width, 4), np.float32)
-        viewport = (region.left, region.top, region.width, region.height)
+        return draw
+
+    def _rasterize_tile(self, draw: DrawSplats, chunks: Sequence[UInt32], part: Region) -> Float32:
+        """Draw chunks of splats, back to front, into a part of a tile, without a background."""
+        if len(chunks) == 1:
+            return self._rasterize_chunk(draw, chunks[0], part)
+        covered = np.zeros((part.height, part.width, 4))
+        for order in chunks:
+            chunk = self._rasterize_chunk(draw, order, part)
+            covered *= 1.0 - chunk[..., 3:].astype(np.float64)
+            covered += chunk
+        return covered.astype(np.float32)
+
+    def _rasterize_chunk(self, draw: DrawSplats, order: UInt32, part: Region) -> Float32:
+        """Draw some splats into a part of a tile, without a background, blended in float32."""
+        image = np.empty((part.height, part.width, 4), np.float32)
         self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
         self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
-        target = self._target_of_size(size)
-        target.use()
-        target.clear(0.0, 0.0, 0.0, 0.0, viewport=viewport)
-        yield image
-        if image.size:
-            target.read_into(image, viewport=viewport, components=4, dtype="f4")
+        self._target.use()
+        self._target.clear(0.0, 0.0, 0.0, 0.0, viewport=tuple(part))
+        for first in range(0, len(order), BATCH_SIZE):
+            draw(order[first : first + BATCH_SIZE])
+        self._target.read_into(image, viewport=tuple(part), components=4, dtype="f4")
+        return image
 
     def _draw_gaussians(self, program: Any, batch: SplatBatch, camera: ModelView, order: UInt32) -> None:
         """Draw splats in their order, as points, or as quads where they are larger than the driver's points."""
@@ -193,11 +218,11 @@ class SplatRasterizer(Rasterizer):
         fans.render(moderngl.TRIANGLES, instances=len(order))
 
     def _buffer(self, data: Array) -> Any:
-        """Return a buffer. GL has no empty buffers, so a buffer without data has four bytes."""
+        """Return an OpenGL buffer with data. OpenGL has no empty buffers, so a buffer without data has four bytes."""
         return self._context.buffer(data if data.size else bytes(4))
 
     def _program(self, footprint: str) -> Any:
-        """Return the program of a footprint, which is compiled at its first use."""
+        """Return the shader program of a footprint, which is compiled at its first use."""
         if footprint not in self._programs:
             self._programs[footprint] = self._context.program(
                 vertex_shader=load_shader("project.glsl", "opacity.glsl", f"{footprint}_vertex.glsl"),
@@ -205,25 +230,32 @@ class SplatRasterizer(Rasterizer):
             )
         return self._programs[footprint]
 
-    def _target_of_size(self, size: tuple[int, int]) -> Any:
-        """Return a float32 RGBA framebuffer of size (width, height), which is reused while the size stays the same.
+    def _target_for(self, size: tuple[int, int], across: int) -> Any:
+        """Return a float32 RGBA framebuffer for a lattice of samples, or for its tiles, reused while its size stays.
 
-        Raises RenderError if the device refuses this size; a lost context refuses a single pixel, too.
+        size: of the lattice. across: the samples along a pixel's side. Tiles become smaller if the device has no room
+        for them. Raises RenderError if it has no room for the smallest; moderngl.Error if it refuses even a single
+        pixel, as a lost context does.
         """
-        if self._target is not None and self._target.size == size:
-            return self._target
-        self._target = None
-        got, hint = f"{size[0]} x {size[1]} pixels", "choose a smaller output.size"
-        fails = partial(RenderError, where=self.device, got=got, hint=hint)
-        if max(size) > self._largest_side_px:  # GL would cut off larger viewports without an error
-            most = f"at most {self._largest_side_px} pixels a side"
-            raise fails("this device cannot draw a picture of this size", expected=most)
-        try:
-            self._target = self._make_target(size)
-        except moderngl.Error as error:
-            self._make_target((1, 1))
-            raise fails("the device has no room for a picture of this size") from error
-        return self._target
+        while True:
+            side = max(1, self._tile_side // across) * across
+            tile_size = min(size[0], side), min(size[1], side)
+            if self._target is not None and self._target.size == tile_size:
+                return self._target
+            self._target = None
+            try:
+                self._target = self._make_target(tile_size)
+            except moderngl.Error as error:
+                self._make_target((1, 1))
+                if max(tile_size) <= SMALLEST_TILE:
+                    raise RenderError(
+                        "the device has no room for a tile of a picture",
+                        where=self.device,
+                        got=f"{tile_size[0]} x {tile_size[1]} pixels",
+                        hint="end other programs that use the device",
+                    ) from error
+                self._tile_side = max(tile_size) // 2
+                _ = self._context.error  # clears the error of the refused framebuffer, which is no error of the picture
 
     def _make_target(self, size: tuple[int, int]) -> Any:
         return self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
@@ -241,7 +273,7 @@ def _create_context() -> Any:
         settings: dict[str, Any] = {"backend": "egl", "device_index": device}
         try:
             context = moderngl.create_context(require=330, standalone=True, **settings)
-        except Exception as error:  # the loader raises nothing more specific
+        except Exception as error:  # moderngl raises nothing more specific
             failures.append(error)
             continue
         context.gc_mode = "context_gc"  # `gc` frees objects without references
@@ -256,12 +288,12 @@ def _create_context() -> Any:
 
 @functools.cache
 def _first_process() -> int:
-    """Return the process that used OpenGL first. In its forks the driver's threads are missing, and calls hang."""
+    """Return the id of the process that first used OpenGL. Forks of it lack the driver's threads, and calls hang."""
     return os.getpid()
 
 
 def _set_camera(program: Any, camera: ModelView) -> None:
-    """Set the uniforms of the programs of splats."""
+    """Set the uniforms that describe the camera, which all programs of splats have."""
     to_depth = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model
     program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL stores matrices column by column
     program["view_translation"] = tuple(to_depth[:, 3])
@@ -271,14 +303,17 @@ def _set_camera(program: Any, camera: ModelView) -> None:
 
 
 def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:
-    """Return the uniform block of shapes: right, up and depth rows of each shape's axes, padded to four floats."""
+    """Return the uniform block of shapes: the right, up and depth rows of each shape's axes, padded to four floats."""
     rows = np.zeros((MAX_SHAPES, 3, 4), np.float32)
     rows[: len(batch.axes), :, :3] = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model[:, :3] @ batch.axes
     return rows.tobytes()
 
 
 def _size_bound_px(batch: SplatBatch, vertices: Float32, camera: ModelView) -> Float64:
-    """Bound the side of each footprint's square, float64 [n]; infinite where the near plane may cut the splat."""
+    """Return an upper bound of the side of each footprint's square, float64 [n], in samples.
+
+    It is infinite if the near plane may cut the splat.
+    """
     sigma = longest_sigma(batch)[vertices[:, 7].astype(np.int64)]
     if not camera.perspective:
         sigma_px = sigma * camera.scale_px

@@ -20,6 +20,7 @@ from renderer.record import (
     FrameFile,
     accuracy_text,
     find_finished_film,
+    flicker_text,
     picture_problems,
 )
 from renderer.scene import OutputSpec, counted, is_same_file, raise_problems
@@ -55,6 +56,7 @@ def assemble_film(
     summary = f"{counted(len(picked), 'frame')} of {counted(len(parts_of(picked)), 'part')}"
     if record.accuracy is not None:
         summary = f"{summary}, {accuracy_text(record.accuracy)}"
+        summary += f", {flicker_text(record.accuracy.flicker)}" if record.accuracy.flicker else ""
     return JobResult(FinishedFilm(sidecar, record), output.file, summary)
 
 

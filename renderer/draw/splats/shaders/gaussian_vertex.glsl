@@ -1,7 +1,7 @@
-// One point, or one quad of two triangles where the splat is larger than the driver's points, around each footprint.
+// Place one point around each footprint, or one quad of two triangles if the splat is larger than the driver's points.
 
 uniform bool quads;
-uniform float cutoff;            // standard deviations
+uniform float cutoff;            // radius of the footprint, in standard deviations
 
 flat out vec2 splat_px;
 flat out vec3 splat_inverse;     // xx, yx, yy of the lower triangular matrix from pixels to standard deviations
@@ -23,18 +23,19 @@ void main() {
 
     // Half a pixel more, so that rounding the corners loses no pixel.
     vec2 reach_px = cutoff * vec2(root.x, length(root.yz)) + 0.5;
-    vec2 low = splat_px - reach_px, high = splat_px + reach_px;
-    if (any(lessThan(high, vec2(0.0))) || any(greaterThan(low, size_px))) return;
+    vec2 in_tile_px = splat_px - corner_px;
+    vec2 low = in_tile_px - reach_px, high = in_tile_px + reach_px;
+    if (any(lessThan(high, vec2(0.0))) || any(greaterThan(low, tile_px))) return;
     vec2 at_px;
     if (quads) {
         int corner = gl_VertexID % 6;
         vec2 side = vec2(corner == 1 || corner == 2 || corner == 4, corner == 2 || corner == 4 || corner == 5);
-        at_px = clamp(mix(low, high, side), vec2(0.0), size_px);
+        at_px = clamp(mix(low, high, side), vec2(0.0), tile_px);
     } else {
-        // GL drops a point whose centre is outside the image: it moves to the border, where its square still covers the
+        // GL drops a point whose centre is outside the tile: it moves to the border, where its square still covers the
         // visible part of the footprint.
-        at_px = clamp(splat_px, vec2(0.0), size_px);
+        at_px = clamp(in_tile_px, vec2(0.0), tile_px);
         gl_PointSize = 2.0 * max(reach_px.x, reach_px.y);
     }
-    gl_Position = vec4(2.0 * at_px / size_px - 1.0, 0.0, 1.0);
+    gl_Position = vec4(2.0 * at_px / tile_px - 1.0, 0.0, 1.0);
 }

@@ -1,9 +1,10 @@
-// A vertex of the Gouraud footprint: its opacity is computed here and interpolated over the triangles (Laur 1991).
+// Compute the opacity of a vertex of the Gouraud footprint; OpenGL interpolates it over the triangles (Laur and Hanrahan
+// 1991).
 
-in vec2 mesh_vertex;             // standard deviations
+in vec2 mesh_vertex;             // position in the footprint, in standard deviations
 in float mesh_weight;
 
-out vec4 vertex_color;           // premultiplied
+out vec4 vertex_color;           // premultiplied RGBA
 
 void main() {
     Footprint footprint = project();
@@ -15,5 +16,5 @@ void main() {
     vec2 offset_px = vec2(root.x * mesh_vertex.x, root.y * mesh_vertex.x + root.z * mesh_vertex.y);
     float alpha = opacity_of_depth(footprint.unit_depth * mesh_weight);
     vertex_color = vec4(areas.rgb / areas.w * alpha, alpha);
-    gl_Position = vec4(2.0 * (footprint.center_px + offset_px) / size_px - 1.0, 0.0, 1.0);
+    gl_Position = vec4(2.0 * (footprint.center_px - corner_px + offset_px) / tile_px - 1.0, 0.0, 1.0);
 }

@@ -1,16 +1,8 @@
 // Read bricks of voxels and their surroundings (renderer/bricks/layout.py).
 #pragma once
 #include "bricks/kernels.h"
+#include "bricks/layout.h"
 #include "volume/voxels.h"
-
-// The number of octree levels between a brick and its cells.
-constexpr int64_t BRICK_LEVELS = 4;
-// The number of cells along each axis of a brick.
-constexpr int64_t BRICK_SIZE = 1 << BRICK_LEVELS;
-// The number of cells on each side of a brick that its texels hold, too.
-constexpr int64_t HALO = 1;
-// The number of texels along each axis of a brick with its halo.
-constexpr int64_t PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
 
 namespace {
 

@@ -1,8 +1,8 @@
 // Sort bricks into tiles of a pixel grid.
 #include "draw/kernels.h"
 
-// Write `starts` and `numbers` of a grid (see Grid). Here `starts` has one number more than in Grid, and is zero at
-// first; `numbers` has room for all.
+// Write `starts` and `numbers` of a grid (see Grid in draw/kernels.h). Here `starts` has one number more than in Grid, and
+// is zero at first; `numbers` has room for all bricks over all tiles.
 Status bin_bricks(const BinBricks* arguments) {
     const auto [windows, num_columns, num_rows, starts, numbers] = *arguments;
     if (starts.shape[0] != num_columns * num_rows + 2) return OUT_OF_BOUNDS;

@@ -1,12 +1,13 @@
 // Find the most extreme scalar along rays through bricks: LANES rays in step, from cell to cell.
 //
-// Between eight voxels the field along a ray is a cubic, whose extremes are known: nothing falls between samples. The
-// scalar is turned so that its maximum is sought. A pixel keeps the largest number that was found; what lies below it
-// is passed over, brick by brick and cell by cell. Bricks come with the largest bound first, and a tile ends when no
-// brick that is left can change it. By depth they come front to back, and the first maximum counts.
+// Between eight voxels the field along a ray is a cubic polynomial, whose extremes are known: nothing falls between samples.
+// Scalars are mapped to numbers whose maximum is sought. A pixel keeps the largest number so far; bricks and cells whose
+// numbers are all smaller are passed over. Bricks with the largest upper bounds come first, and a tile ends when none of
+// its remaining bricks can change it. If the extremum is coloured by its depth, bricks come front to back, and the first of
+// equal maxima counts.
 //
-// Where some of the eight voxels have no data, the way through a cell is divided where another voxel becomes the
-// nearest.
+// If some of the eight voxels have no data, the way of a ray through the cell is divided at the points where another voxel
+// becomes the nearest.
 #include "draw/kernels.h"
 #include "base/stopping.h"
 #include "draw/sample.h"
@@ -14,25 +15,25 @@
 
 namespace {
 
-// A ray through a brick and half of its halo crosses at most 17 faces along each axis.
+// The most cells that a ray meets in a brick: it crosses at most 17 faces between cells along each axis, as it passes
+// through the brick and half of its halo.
 constexpr int MAX_CELLS = 3 * (PADDED_BRICK_SIZE - 1) + 1;
+// The number of the last cell between texels along each axis of a brick.
 constexpr int32_t LAST_CELL_OF_ROW = PADDED_BRICK_SIZE - 2;
-// Rays that move less along an axis, in texels of a brick, do not cross it.
+// A ray that moves by less than this along an axis, in texels of a brick, counts as parallel to the faces of its cells.
 constexpr float MIN_EXTENT = 1e-12;
-// Bricks of a tile between two looks at what its pixels have found.
+// After this many bricks of a tile, the search looks whether the remaining bricks can change any of the tile's pixels.
 constexpr int BRICKS_BETWEEN_LOOKS = 4;
 
-// The least number that the pixels in a window have found.
-float least_found(Window window, const Tile& tile) {
+// Return the smallest number that the pixels of a tile have found so far.
+float least_found(int64_t num_rays, const Tile& tile) {
     float found = NEVER;
-    for (int64_t row = 0; row < window.bottom - window.top; row++)
-        for (int64_t column = 0; column < window.right - window.left; column++)
-            found = least(found, tile.found[row * tile.side + column]);
+    for (int64_t ray = 0; ray < num_rays; ray++) found = least(found, tile.found[ray]);
     return found;
 }
 
-// Spans of rays inside a brick: where they begin [3] and their extents [3], in texels of the brick; 0; about how many
-// cells they cross.
+// Return the spans of rays inside a brick, one in each lane: where they begin [3] and their extents [3], in texels of the
+// brick; 0; about how many cells they cross.
 INLINE Span span_of(const Box& box, const Along (&along)[3], Range range, ClippedMask hit) {
     ClippedFloats begin[3], extent[3], zero = 0.0f;
     for (int axis = 0; axis < 3; axis++)
@@ -43,20 +44,20 @@ INLINE Span span_of(const Box& box, const Along (&along)[3], Range range, Clippe
     return {{begin[0], begin[1], begin[2], extent[0]}, {extent[1], extent[2], zero, where(hit, num_cells, zero)}};
 }
 
-// The largest number on ways through cells, and where it is, as a share of the way.
+// The largest number on the way of each ray through a cell, and its position, as a share of the way.
 struct Largest {
     Floats number, share;
 };
 
-// a / b clamped to [0, 1], and 0 where b is 0.
+// Return a / b, clamped to [0, 1]; where b is 0, a clamped to [0, 1].
 INLINE Floats quotient(Floats a, Floats b) {
     Floats zero = in_all<Floats>(0.0f), one = in_all<Floats>(1.0f);
     return min_of(max_of(a / where(mask_of(b == 0.0f), one, b), zero), one);
 }
 
-// The largest number along `entry + extent q`, q in [0, 1], inside cells, and its q.
+// Return the largest number on the way `entry + extent q` through a cell, with q in [0, 1], and its q.
 //
-// The trilinear field is a + q (b + q (c + q d)) there. Its extremes are at the ends or where its slope is 0.
+// The trilinear field along the way is a + q (b + q (c + q d)). Its extremes are at the ends or where its slope is 0.
 INLINE Largest largest_in_cell(const Corners& corners, const Three& entry, const Three& extent) {
     const auto& [c000, c100, c010, c110, c001, c101, c011, c111] = corners;
     const auto& [u, v, w] = entry;
@@ -86,15 +87,16 @@ INLINE Largest largest_in_cell(const Corners& corners, const Three& entry, const
 
 INLINE Mask is_flat(Floats extent) { return mask_of(magnitude(extent) < MIN_EXTENT); }
 
-// Where a ray passes the plane in the middle of a cell, as a share of its way through; 0 or 1 beyond.
+// Return where a ray passes the plane in the middle of a cell, as a share of its way through the cell; 0 or 1 if it passes
+// the plane outside of the cell.
 INLINE Floats middle(Floats entry, Floats extent) {
     Floats zero = in_all<Floats>(0.0f), one = in_all<Floats>(1.0f);
     Mask flat = is_flat(extent);
     return min_of(max_of(where(flat, zero, (0.5f - entry) / where(flat, one, extent)), zero), one);
 }
 
-// What `largest_in_cell` gives, of the places whose nearest voxel has data; minus infinity if there is none.
-// found: what it does give, which stays where all eight have data.
+// Return the largest number on the way through a cell at points whose nearest voxel has data; minus infinity if there is no
+// such point. found: the result of `largest_in_cell`, which is kept if all eight voxels have data.
 INLINE Largest largest_of_data(const Texels& texels, Ints at, const Corners& corners, const Three& entry,
                                const Three& extent, Largest found) {
     Mask is_whole = are_all_present(load_corners(texels, at));
@@ -120,16 +122,18 @@ INLINE Largest largest_of_data(const Texels& texels, Ints at, const Corners& cor
     return {best, place};
 }
 
-// The cells of rays along an axis of a brick.
+// The way of rays along one axis of a brick.
 struct Axis {
+    // The texel at which the span of a ray begins, and the way to its end, in texels.
     Floats first, extent;
+    // The cell in which a ray is now.
     Ints cell;
 
     INLINE Floats at(Floats share) const { return fma(share, extent, first); }
     INLINE Floats in_cell(Floats share) const { return at(share) - to_float32(cell); }
     INLINE void clamp() { cell = min_of(max_of(cell, in_all<Ints>(0)), in_all<Ints>(LAST_CELL_OF_ROW)); }
 
-    // Where rays leave their cells, as a share of the span; 2 where never.
+    // Return where rays leave their cells along this axis, as a share of the span; 2 if they never do.
     INLINE Floats leave() const {
         Floats one = in_all<Floats>(1.0f);
         Floats face = to_float32(cell) + where(mask_of(extent > 0.0f), one, in_all<Floats>(0.0f));
@@ -143,8 +147,10 @@ struct Axis {
     }
 };
 
-// Search the cells of spans for larger numbers than those of their pixels.
-// texels: of the brick, and what follows. nearness: at its texel 0. pixels: of the image.
+// Search the cells of spans for numbers larger than those that their pixels have found so far.
+//
+// texels: the texels of the brick, and those after them. num: the number of spans. nearness: the nearness to the eye of the
+// brick's texel 0, from 0 to 1. pixels: the image.
 void search_spans(const Texels& texels, const SearchRules& rules, double nearness, int64_t num, const Tile& tile,
                   const Array<float, 1>& pixels) {
     const float offset = rules.offset, slope = rules.slope, slack = rules.slack, min_rise = rules.min_rise;
@@ -200,28 +206,29 @@ void search_spans(const Texels& texels, const SearchRules& rules, double nearnes
     }
 }
 
-// Search the bricks over a tile. Return whether it was finished.
+// Search the bricks over a tile. Return whether the search was finished, and not stopped.
 bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
     const Grid& grid = search.grid;
-    const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
+    const Array<float, 1> pixels = {grid.rays.data, {grid.rays.size()}};
     const double* forward = search.rules.forward;
     bool by_depth = forward[0] != 0.0 || forward[1] != 0.0 || forward[2] != 0.0;
     Window window = window_of(grid, number);
-    set_up_rays(grid, search.rays, window, tile, 0);
+    int64_t num_rays = set_up_rays(grid, search.rays, window, tile, 0);
+    if (num_rays == 0) return true;
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         if (is_stopped()) return false;
         int64_t brick = grid.numbers[k];
         if (search.texel_offsets[brick] < 0) continue;
         float limit = least((float)search.tops[brick] - search.rules.slack, search.rules.ceiling);
         bool is_look = search.rules.is_sorted && (k - grid.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
-        if (is_look && least_found(window, tile) >= limit) break;
+        if (is_look && least_found(num_rays, tile) >= limit) break;
         Box box = box_of(search.boxes, brick);
         double nearer = 0.0;
         for (int axis = 0; axis < 3; axis++) nearer += forward[axis] * (box.corner[axis] - TEXEL_OFFSET);
         double nearness = by_depth ? 0.5 + nearer : 0.0;
         Texels texels = rest_of(search.scalars, search.texel_offsets[brick]);
         for_spans(
-            box, search.rays, covered_by(grid, brick, window), tile,
+            box, search.rays, segments_of(grid, covered_by(grid, brick, window), window, tile, num_rays), tile,
             [&](ClippedFloats found) { return mask_of(found < limit); },
             [&](const auto& along, Range range, ClippedMask hit, int64_t) __attribute__((always_inline)) {
                 return span_of(box, along, range, hit);
@@ -233,8 +240,8 @@ bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
 
 }  // namespace
 
-// Draw bricks into some tiles of the image. It has in its first channel the number, in its second how near it is, from
-// 0 at the farthest point of the ball around the volume to 1, and 0 in the others.
+// Draw bricks into some tiles of the image. Its first channel gets the largest number of a ray; the second gets the nearness
+// of this number, from 0 at the farthest point of the ball around the volume to 1 at the nearest; the others stay 0.
 Status draw_extremes(const DrawExtremes* arguments) {
     const Grid& grid = arguments->grid;
     const auto& tiles = arguments->tiles;

@@ -1,16 +1,19 @@
-// Light the faces that clip planes and boxes cut, as `cut_faces` of ShadingSpec says. Each lane has a sample of its
-// own.
+// Light the faces that clip planes and boxes cut, as the scene's key `cut_faces` (ShadingSpec) says. Each lane has a sample
+// of its own.
 #pragma once
 #include "draw/light.h"
 
-// The cut faces near a brick. per_length: the reciprocal of the distance that their light reaches.
+// The cut faces near a brick.
 struct Faces {
+    // The planes and boxes that clip the volume.
     const ClipRegion* clip;
+    // The reciprocal of the distance from a face within which samples are lit by the face's normal, in units of the world.
     double per_length;
 };
 
-// Call `take(weight, normal)` for each clipped set near a sample. normal: the vector towards the set, in the world, of
-// any length. at: the samples' positions in index space, from the volume's centre.
+// Call `take(weight, normal)` for each plane or box that clips the volume near the samples. weight: how much of the light
+// at a sample is that of the face, from 0 to 1. normal: the vector towards the face, in the world, of any length. at: the
+// samples' positions in index space, from the volume's centre.
 template <class Take>
 INLINE void for_faces(const Faces& faces, const Three& at, Take take) {
     Floats zero = in_all<Floats>(0.0f);
@@ -46,8 +49,8 @@ INLINE void for_faces(const Faces& faces, const Three& at, Take take) {
     }
 }
 
-// Return the light by the gradient at samples, mixed with the light by the cut faces near them. lit_of: returns the
-// light for a gradient.
+// Return the light at samples: the light by the gradient, mixed with the light by the normals of cut faces near the sample.
+// lit_of: a function that returns the light for a gradient.
 template <class LitOf>
 INLINE Lit lit_with_faces(const Faces& faces, const Three& at, const Three& gradient, LitOf lit_of) {
     Lit lit = lit_of(gradient);

@@ -3,47 +3,69 @@
 #include "draw/faces.h"
 #include "draw/mask.h"
 
-// The number of floats after the last texel that loads of whole rows may read.
+// The number of floats of padding behind the last texel of an atlas: loads of whole rows may read so far beyond it.
 constexpr int READ_BEHIND = 2;
 
-// The kinds of bricks, by what their texels are and how they are lit. Means need no classification. SEVERAL has texels
-// of several layers.
-enum Kind { MEANS, UNLIT, LAMBERT, LIT, SEVERAL };
+// The kinds of bricks, by the meaning of their texels and by their light.
+enum Kind {
+    // Texels are (tau c, tau), which need no classification and no light.
+    MEANS,
+    // Texels are scalars, without light.
+    UNLIT,
+    // Texels are scalars, with light by Lambert's law from a fixed direction.
+    LAMBERT,
+    // Texels are scalars, with light as in the record Light.
+    LIT,
+    // Several layers have texels, each of one of the other kinds.
+    SEVERAL,
+};
 
-// The positions of samples in a brick: the nearest texel at or below each, and how far the sample is from it; the
-// numbers of the samples along the ray, where sample `number` is at `begin + number * step`, in texels; how many steps
-// long each is; and which samples count.
+// The positions of samples in a brick, one sample in each lane.
 struct Places {
+    // The nearest texel at or below the sample, along all axes.
     Ints at;
+    // The distance of the sample from this texel along each axis, from 0 to 1.
     Three shares;
+    // The number of the sample along its ray; it may be fractional.
     Floats number;
-    Three begin, step;
+    // The position of sample 0 of the ray, in texels.
+    Three begin;
+    // The way from one sample of the ray to the next, in texels: sample `number` is at `begin + number * step`.
+    Three step;
+    // The length of the segment for which the sample stands, in steps.
     Floats width;
+    // Whether the sample counts.
     Mask active;
 };
 
-// The part of a field's lighting that is the same along all rays through a brick. faces: the cut faces; null if none is
-// near.
+// The part of a field's lighting that is the same for all samples of a lane's ray in a brick.
 struct Lighting {
+    // The cut faces; null if none is near.
     const Faces* faces;
+    // The directions to the light and to the viewer.
     Ways ways;
+    // The position of texel 0 of the brick in the light grid, in cells along x, y, z.
     float origin[3];
 };
 
-// direction: the direction of the rays in index space, of any length.
+// Return the lighting of rays in a brick. direction: the direction of the rays in index space, of any length.
 INLINE Lighting lighting_of(const Light& light, const Box& box, const Three& direction, const Faces* faces) {
     return {faces, aim(light, direction),
             {place_brick(light, box, 0), place_brick(light, box, 1), place_brick(light, box, 2)}};
 }
 
-// Classified samples, a factor on their colours, and which samples show anything.
+// Classified samples of a layer, one in each lane.
 struct Classified {
+    // The extinction and the colour of the sample.
     Sample sample;
+    // A factor on the colour.
     Floats light;
+    // Whether the sample shows anything.
     Mask visible;
 };
 
-// Return the classified samples of a field. texels: the texels of the brick, and those after them.
+// Return the classified samples of a field. texels: the texels of the brick, and those after them. is_cut: whether the
+// field's mask hides a part of the brick.
 template <Kind KIND>
 INLINE Classified sample_field(const Field& field, const LaneTable& table, const Texels& texels, const Places& places,
                                const Lighting& lighting, const Box& box, bool is_cut) {
@@ -92,15 +114,19 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
     return found;
 }
 
-// The `num` layers that show anything in a brick, with their fields and tables.
-//
-// tables: the transfer tables of all layers, shown or not. The caller owns the memory.
+// The layers of one grid of voxels that show anything in a brick. The caller owns the memory.
 struct ShownLayers {
+    // The bricks of all layers on this grid.
     const LayerBricks* bricks;
+    // The transfer tables of all layers, shown or not.
     LaneTable* tables;
+    // The fields of the layers that show anything in the brick.
     const Field** fields;
+    // The transfer table of each of `fields`.
     const LaneTable** of_fields;
+    // The number of layers that show anything in the brick.
     int64_t num;
+    // Whether the texels of the brick are means over all layers.
     bool is_mean;
 
     // Return whether the texels of a layer are (tau c, tau): means, or voxels that are colours.
@@ -132,7 +158,8 @@ struct ShownLayers {
         return has_means(number) ? MEANS : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
     }
 
-    // Return whether a mask cuts what a layer shows in a brick. Means take only what is inside the mask.
+    // Return whether a mask hides a part of a layer in a brick of voxels. In a brick of means it does not: they are made
+    // from the voxels that the mask shows.
     INLINE bool is_cut(int64_t number, int64_t brick) const {
         const auto& mask = fields[number]->mask;
         return mask.exists && mask.value.are_cut[brick];
@@ -153,7 +180,8 @@ struct ShownLayers {
     }
 };
 
-// Memory for the shown layers of several groups of bricks. It is false if there is no memory.
+// Memory for the shown layers of several groups, each of the layers on one grid of voxels. It is false if there is no
+// memory.
 struct ShownGroups {
     Buffer<LaneTable> tables;
     Buffer<const Field*> fields;
@@ -192,8 +220,8 @@ INLINE void add_sample(Sample& sum, const Classified& found, float scale, bool i
 
 // Return the sums, over all layers, of extinctions and of extinctions times colours at samples.
 //
-// NUM: the number of layers, if all of them are plain; 0 for layers of any number and kind. If the number is known,
-// tables stay in registers: two layers take 1.4 times as long as one, and otherwise 2.2 times.
+// NUM: the number of layers, if all of them are classified and unlit; 0 for layers of any number and kind. If the number
+// is known at compile time, tables stay in registers: two layers take 1.4 times as long as one, and otherwise 2.2 times.
 template <int NUM>
 INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& box,
                             const Places& places, [[maybe_unused]] const Three& direction) {
@@ -223,7 +251,8 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
     return sum;
 }
 
-// Return whether all bricks have their texels, each scalar a piece of the table, and the light grid all its cells.
+// Return whether the arrays of a field are large enough: for the texels of all bricks, for a piece of the transfer function
+// for each scalar, and for all cells of the light grid.
 inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean) {
     if (!match(field.texel_offsets, is_mean)) return false;
     for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
@@ -243,7 +272,7 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
         return false;
     if (!field.light.exists) return true;
     const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = field.light.value.grid;
-    int64_t num_corners = 2;  // two for each cell and grid, and two more
+    int64_t num_corners = 2;  // two for each cell of each grid, and two more
     if ((float)occlusion_strength > 0.0f) num_corners += 2 * occlusion.size();
     if ((float)shadow_strength > 0.0f) num_corners += 2 * shadow.size();
     return corners.shape[0] == 0 || corners.shape[0] >= num_corners;

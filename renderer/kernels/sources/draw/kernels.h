@@ -44,10 +44,11 @@ struct RefineRows {
     EACH_CALL int64_t first_row;
     // The row after the last row to interpolate.
     EACH_CALL int64_t end_row;
-    // Pixels are interpolated if neighbours differ, and bend, by at most this much.
+    // Pixels between four pixels of `grid` are interpolated unless these differ, and bend, by more than this. A pixel bends
+    // by |a - 2 b + c|, with b the pixel and a and c its neighbours in a row or column.
     float threshold;
-    // [h, w]: the pixels of the finer grid that must be drawn.
-    Array<bool, 2> is_drawn;
+    // [h, w]: row-major numbers of the pixels of the finer grid that are to be drawn, and -1 of the others.
+    Array<int32_t, 2> places;
 };
 KERNEL(refine_rows, RefineRows)
 
@@ -79,33 +80,95 @@ struct DrawLines {
     // [levels, 4]: the RGBA of lines by the level of their cell; the last colour is for all coarser levels.
     Sized<const double, 2, 4> colors;
     ModelView camera;
-    // The opacity of a line, divided by the side of its cell in model units and by this side in pixels.
+    // The factor by which the side of a line's cell in model units, times this side in pixels, gives the line's opacity.
     double cover;
     // The largest opacity of a line.
     double opacity;
-    // Cells whose side is shorter than this have no lines.
+    // Edges of a cell whose shortest side is shorter than this, in pixels, are not drawn.
     double min_side_px;
     // [h, w, 4]: the image, premultiplied RGBA.
     Sized<float, 3, 4> image;
 };
 KERNEL(draw_lines, DrawLines)
 
-// A grid of pixels into which bricks are drawn, in tiles (renderer/draw/bricks/grid.py).
+// Mark pixels that differ from a neighbour and so need several rays, in some rows of a picture.
+struct MarkContrasts {
+    // [h, w, 4]: premultiplied RGBA.
+    Sized<const float, 3, 4> image;
+    // A pixel is marked if a channel differs from one of its eight neighbours by more than this.
+    float threshold;
+    // The first row of pixels to mark.
+    EACH_CALL int64_t first_row;
+    // The row after the last row of pixels to mark.
+    EACH_CALL int64_t end_row;
+    // [h, w]: set to 2, a pixel that is to get 4 rays, for marked pixels; others stay as they are.
+    Array<uint8_t, 2> marks;
+};
+KERNEL(mark_contrasts, MarkContrasts)
+
+// Mark neighbours of some pixels, if they differ from the pixel and have no mark. Members as in MarkContrasts.
+struct SpreadContrasts {
+    Sized<const float, 3, 4> image;
+    float threshold;
+    // [n]: row-major numbers of the pixels whose neighbours may be marked.
+    Array<const int64_t, 1> pixels;
+    Array<uint8_t, 2> marks;
+};
+KERNEL(spread_contrasts, SpreadContrasts)
+
+// Find the pixels, among some, that lie on a thin line, and mark their neighbours. Members as in SpreadContrasts.
+struct FollowLines {
+    Sized<const float, 3, 4> image;
+    // A pixel lies on a line if a channel is larger than in both pixels on opposite sides by more than this, or smaller.
+    float threshold;
+    Array<const int64_t, 1> pixels;
+    // [h, w]: 3 for a pixel that has its 16 rays; set to 4, a pixel that is to get 16 rays, for marked pixels.
+    Array<uint8_t, 2> marks;
+};
+KERNEL(follow_lines, FollowLines)
+
+// Average the rays of each of some pixels.
+struct AverageRays {
+    // [n * num_rays, 4]: premultiplied RGBA of the rays, pixel by pixel.
+    Sized<const float, 2, 4> rays;
+    // The number of rays of a pixel.
+    int64_t num_rays;
+    // [n]: row-major numbers of the pixels in the image.
+    Array<const int64_t, 1> pixels;
+    // The rays of a pixel differ if a channel varies among them by more than this.
+    float threshold;
+    // [h * w, 4]: the picture, in which the pixels get the means of their rays.
+    Sized<float, 2, 4> image;
+    // [n]: whether the rays of a pixel differ.
+    Array<bool, 1> differ;
+};
+KERNEL(average_rays, AverageRays)
+
+// A grid of rays into which bricks are drawn, in tiles (renderer/draw/bricks/grid.py).
 struct Grid {
-    // The side of a tile, in pixels of the grid.
+    // The side of a tile, in rays; a multiple of `rays_across`.
     int64_t side;
-    // The pixels of the grid are every `stride`-th pixel of the image along both axes. The first one is at the centre
-    // of the image's first pixel.
+    // The pixels of the grid are every `stride`-th pixel of the picture along both axes, from pixel 0 on.
     int64_t stride;
-    // [n, 4]: the left, top, right and bottom of each brick in pixels of the grid, half-open and inside the grid.
+    // The number of rays along each side of a pixel.
+    int64_t rays_across;
+    // Whether the only ray of a pixel passes through a random place in it, and not through its middle.
+    bool is_scattered;
+    // The row of the picture that is the first row of the grid.
+    int64_t first_row;
+    // The number of rows and of columns of pixels.
+    int64_t shape[2];
+    // [n, 4]: left, top, right and bottom of each brick, half-open, counted in rays of the grid and clipped to it.
     Sized<const int64_t, 2, 4> rectangles;
-    // [tiles + 1]: the bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
+    // [tiles + 1]: the bricks over tile k are `numbers[starts[k] : starts[k + 1]]`.
     Array<const int64_t, 1> starts;
+    // The numbers of the bricks over tiles, tile by tile, in draw order.
     Array<const int64_t, 1> numbers;
-    // [rows, columns]: the pixels of the grid that are drawn.
-    Array<const bool, 2> is_drawn;
-    // [rows, columns, 4]: the drawn pixels, premultiplied RGBA.
-    Sized<float, 3, 4> image;
+    // [rows, columns]: the index in `rays` of each pixel's first ray, or -1 if the pixel is not drawn; None if pixel k
+    // has ray k alone.
+    Maybe<Array<const int32_t, 2>> places;
+    // [rays, 4]: premultiplied RGBA of the rays, or other amounts that they gather.
+    Sized<float, 2, 4> rays;
 };
 
 // The coefficients of a light, as in ShadingSpec (renderer/scene/shading_section.py).
@@ -118,7 +181,7 @@ struct Shading {
     bool two_sided;
 };
 
-// The light and extinction of a layer if they depend on the view or on the length of the gradient.
+// The light on a layer and factors on its extinction, if these depend on the view or on the gradient's length.
 struct Light {
     Shading shading;
     // The share of the light that reaches each position.
@@ -129,25 +192,25 @@ struct Light {
     float toward[3];
     // [3, 3]: the matrix from directions in index space to the world, up to a common factor.
     float world_from_index[9];
-    // [n, 3]: a gradient's length in texels, the factor on extinction at this length, and the factor's slope up to the
-    // next row.
+    // [n, 3]: the length of a gradient between texels, the factor on extinction at this length, and the slope of the
+    // factor up to the next row's length.
     Sized<const float, 2, 3> factors;
     // The position of the volume's centre in `grid` (x, y, z), in cells.
     double first_cell[3];
 };
 
-// The labels that limit where a field is drawn.
+// The mask that limits where a field is drawn: a volume of labels.
 struct FieldMask {
     // The mask's grid, for positions relative to the centre of the field's volume.
     MaskGrid grid;
-    // [bricks]: whether a part of each brick is outside the mask.
+    // [bricks]: whether a part of a brick is outside the mask.
     Array<const bool, 1> are_cut;
 };
 
 // The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
 struct Field {
-    // For each brick of voxels, PADDED_BRICK_SIZE^3 texels; with light, PADDED_BRICK_SIZE^3 gradients (x, y, z) follow
-    // them. If voxels are colours, each texel is (tau c, tau).
+    // For each brick of voxels, PADDED_BRICK_SIZE^3 texels; if the layer is lit, PADDED_BRICK_SIZE^3 gradients (x, y, z)
+    // follow them. If voxels are colours, each texel is (tau c, tau).
     Array<const float, 1> scalars;
     // For each brick of means, PADDED_BRICK_SIZE^3 texels (tau c, tau).
     Array<const float, 1> means;
@@ -168,7 +231,7 @@ struct Field {
     bool is_lit;
     // Whether faces that clipping cuts are lit by their own normals.
     bool lights_faces;
-    // The light; None without a light, or if it follows Lambert's law alone.
+    // The light; None without a light, or if `lambert` is all of it.
     Maybe<Light> light;
     // The mask that limits the field; None without a mask.
     Maybe<FieldMask> mask;
@@ -186,19 +249,19 @@ struct LayerBricks {
     Array<const bool, 1> is_mean;
     // [bricks]: whether a brick is near a face that clipping cuts.
     Array<const bool, 1> have_faces;
-    // The distance from such a face up to which points are lit by its normal, as a length in the world.
+    // Points up to this distance from a face that clipping cuts, in units of the world, are lit by the face's normal.
     double face_depth;
     // One field for each layer.
     Array<const Field, 1> fields;
 };
 
-// Composite bricks in some tiles of the image, or add them up if nothing is absorbed.
+// Composite bricks in some tiles of the image, or add up their light if nothing is absorbed.
 struct DrawTiles {
     Grid grid;
     LayerBricks bricks;
-    // The alpha at which a ray ends.
+    // The alpha beyond which a ray ends.
     float termination_alpha;
-    // Whether nothing is absorbed.
+    // Whether light adds up and nothing is absorbed; the alpha of rays is then their optical depth.
     bool is_additive;
     // The numbers of the tiles to draw.
     EACH_CALL Array<const int64_t, 1> tiles;
@@ -212,9 +275,9 @@ struct DrawMixture {
     Array<const LayerBricks, 1> groups;
     // [n, 2]: the bricks, as in Mixture (renderer/draw/bricks/mixture.py).
     Sized<const int64_t, 2, 2> members;
-    // [n, 3]: their depths, as in Mixture.
+    // [n, 3]: the depths of the bricks, as in Mixture.
     Sized<const double, 2, 3> depths;
-    // The alpha at which a ray ends.
+    // The alpha beyond which a ray ends.
     float termination_alpha;
     // The numbers of the tiles to draw.
     EACH_CALL Array<const int64_t, 1> tiles;
@@ -223,16 +286,18 @@ LONG_KERNEL(draw_mixture, DrawMixture)
 
 // The rules of a search for the most extreme scalar, which are the same in all bricks.
 //
-// A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows
-// nothing, and 1 at the other end of the colours.
+// A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows nothing,
+// and 1 at the other end of the colour range.
 struct SearchRules {
+    // The number of texel 0.
     float offset;
+    // The change of the number with the texel; below 0 to find the smallest scalar.
     float slope;
-    // A number counts only if it exceeds the largest number found so far by this.
+    // A brick or a cell is searched only if its bound exceeds the largest number so far by more than this.
     float slack;
-    // A number replaces the largest number found so far if it exceeds it by this.
+    // A number replaces the largest number so far only if it exceeds it by more than this.
     float min_rise;
-    // The number at which a ray ends.
+    // The number from which on a ray ends, as it needs no larger one.
     float ceiling;
     // Whether bricks come in the order of falling bounds; otherwise they come front to back.
     bool is_sorted;

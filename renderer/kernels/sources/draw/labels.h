@@ -1,13 +1,13 @@
 // Find the label at samples between voxels: the one with the largest sum of weights over the 27 nearest voxels.
 //
-// Along each axis, with the sample at t from -1/2 to 1/2 behind the nearest voxel, the weights of the voxel before it,
-// of itself, and of the voxel behind it are
+// Along each axis, let the sample be t voxels behind the nearest voxel, with t from -1/2 to 1/2. The weights of the voxel
+// before the nearest one, of the nearest voxel, and of the voxel behind it are
 //
 //     0.8 of a quadratic B-spline    (1/2 - t)^2 / 2    3/4 - t^2    (1/2 + t)^2 / 2
 //     0.2 of a tent                  max(-t, 0)         1 - |t|      max(t, 0)
 //
 // The B-spline alone makes borders without stairs, but gives a voxel only 0.42 of the weight at its own centre: a label
-// of one voxel, or of a row of voxels, would vanish. The sum of both gives it 0.51 there. The eight voxels around a
+// of one voxel, or of a row of voxels, would vanish. The sum of both gives the voxel 0.51 there. The eight voxels around a
 // sample have more than 0.72 of the weight: if all eight have one label, it is the sample's label.
 #pragma once
 #include "draw/sample.h"
@@ -15,6 +15,7 @@
 // The distance from the texel of the lowest neighbour to the texel in the middle.
 constexpr int32_t TO_MIDDLE = PLANE_STRIDE + ROW_STRIDE + 1;
 
+// Return the weights along an axis of the voxel before the nearest one (x), of the nearest (y), and of the one behind (z).
 INLINE Three label_weights(Floats t) {
     Floats zero = in_all<Floats>(0.0f), before = 0.5f - t, behind = 0.5f + t;
     return {
@@ -24,11 +25,13 @@ INLINE Three label_weights(Floats t) {
     };
 }
 
-// The positions of samples among texels. nearest: the distance from the lowest of the eight texels around a sample to
-// the nearest texel. weights: the weights along each axis.
+// The positions of samples among the texels around them, by which labels get their weights.
 struct LabelPlace {
+    // The distance in memory from the lowest of the eight texels around a sample to the texel nearest to the sample.
     Ints nearest;
+    // The weights along each axis, as `label_weights` returns them.
     Three weights[3];
+    // Whether the nearest texel is the upper one of two along each axis.
     Mask are_behind[3];
 
     INLINE explicit LabelPlace(const Three& shares) : nearest(in_all<Ints>(0)) {

@@ -1,24 +1,28 @@
-// Light and extinction that depend on the view or on the length of the gradient. Each lane has a sample of its own.
+// Compute light and extinction that depend on the view or on the length of the gradient. Each lane has a sample of its own.
 //
-// Light by Lambert's law from a fixed direction is `light_factor` in sample.h, which costs less.
+// Light by Lambert's law from a fixed direction is `light_factor` in sample.h instead, which costs less time.
 #pragma once
 #include "draw/sample.h"
 
-// Gradients shorter than this count as 0, so that the reciprocal of their length is finite; the largest gradients are
-// about 1 long.
+// A gradient counts as 0 if all of its components are at most this, so that the reciprocal of its length is finite; the
+// largest gradients are about 1 long.
 constexpr float FLAT = 0x1p-120f;
 
 INLINE Floats dot(const Three& one, const Three& other) {
     return fma(one.x, other.x, fma(one.y, other.y, one.z * other.z));
 }
 
-// The directions to the light, halfway between light and viewer, and to the viewer: unit vectors in the world. The
-// direction halfway between opposite directions is 0.
+// The directions that light depends on: unit vectors in the world, one in each lane.
 struct Ways {
-    Three to_light, to_halfway, to_viewer;
+    // The direction to the light.
+    Three to_light;
+    // The direction halfway between the light and the viewer; 0 if they are opposite.
+    Three to_halfway;
+    // The direction to the viewer.
+    Three to_viewer;
 };
 
-// direction: the direction of the rays in index space, of any length.
+// Return the directions for rays. direction: the direction of the rays in index space, of any length.
 INLINE Ways aim(const Light& light, const Three& direction) {
     auto along = [&](const float* row) {
         return -dot(direction, {in_all<Floats>(row[0]), in_all<Floats>(row[1]), in_all<Floats>(row[2])});
@@ -42,7 +46,7 @@ INLINE float place_brick(const Light& light, const Box& box, int axis) {
 
 INLINE Floats byte_of(Ints four, int shift) { return to_float32((four >> shift) & 255); }
 
-// Interpolate between eight bytes, of which `near` and `far` have four each, in steps of 1 / 255.
+// Interpolate between eight shares, stored as bytes of which 255 is 1. near, far: four bytes each, packed into an integer.
 INLINE Floats interpolate_bytes(Ints near, Ints far, const Three& shares) {
     auto face = [&](Ints four) {
         return lerp(shares.y, lerp(shares.x, byte_of(four, 0), byte_of(four, 8)),
@@ -51,19 +55,19 @@ INLINE Floats interpolate_bytes(Ints near, Ints far, const Three& shares) {
     return lerp(shares.z, face(near), face(far)) * (float)(1.0 / 255);
 }
 
-// The shares of the ambient and of the diffuse light that arrive at samples.
+// The shares of the ambient and of the diffuse light that reach samples.
 struct Arriving {
     Floats ambient, diffuse;
 };
 
-// Return the shares of the light that arrive at samples. texel: the positions of samples in a brick. origin: the
-// position of texel 0 along each axis, from `place_brick`.
+// Return the shares of the light that reach samples. texel: the positions of samples in a brick, in texels. origin: the
+// position of texel 0 in the light grid along each axis, from `place_brick`.
 INLINE Arriving arriving_shares(const Light& light, const Three& texel, const float (&origin)[3]) {
     Arriving shares = {texel.x * 0.0f + 1.0f, texel.x * 0.0f + 1.0f};
     const LightGrid& grid = light.grid;
     if (grid.corners.shape[0] > 0) {
         float occlusion_strength = (float)grid.occlusion_strength, shadow_strength = (float)grid.shadow_strength;
-        const auto& nums = (occlusion_strength > 0.0f ? grid.occlusion : grid.shadow).shape;  // along z, y, x
+        const auto& nums = (occlusion_strength > 0.0f ? grid.occlusion : grid.shadow).shape;  // the number of cells along z, y, x
         auto place_along = [&](Floats along, int axis) {
             Floats place = max_of(in_all<Floats>(0.5f), fma(along, (float)(1.0 / grid.cell_size), origin[axis]));
             return min_of(place, in_all<Floats>((float)nums[2 - axis] - 1.5f));
@@ -107,9 +111,14 @@ INLINE Floats factor_at(Floats length, const Array<const float, 2>& factors) {
     return factor;
 }
 
-// A factor on colours, the white light that is added to them, and the length of the gradient.
+// The light on samples, one in each lane.
 struct Lit {
-    Floats factor, shine, length;
+    // A factor on the colour.
+    Floats factor;
+    // The white light of the highlight, which is added to the colour.
+    Floats shine;
+    // The length of the gradient.
+    Floats length;
 };
 
 // Return the light for a gradient in texels: Lambert's law, highlights (Blinn 1977) and silhouettes.
@@ -138,6 +147,7 @@ INLINE Lit lit_at(const Three& gradient, const Ways& ways, const Arriving& arriv
     return {lit, shine, largest * length};
 }
 
+// Return samples with their light, and with the factor on extinction by the length of the gradient.
 INLINE Sample illuminate(Sample sample, const Lit& lit, const Light& light) {
     sample.r *= lit.factor, sample.g *= lit.factor, sample.b *= lit.factor;
     if (light.shading.specular > 0.0f) sample.r += lit.shine, sample.g += lit.shine, sample.b += lit.shine;

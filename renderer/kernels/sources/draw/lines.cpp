@@ -11,6 +11,7 @@ struct End {
     double x, y, scale;
 };
 
+// A range of rows or columns of pixels, without its end.
 struct Range {
     int64_t first, end;
 };
@@ -24,7 +25,7 @@ INLINE Range pixels_near(double one_end, double other_end, int64_t size) {
     return {(int64_t)least(most(low, 0.0), (double)size), (int64_t)most(least(high, (double)size), 0.0)};
 }
 
-// Draw a line. side: the side of the line's cell, in model units.
+// Draw a line over the image. side: the side of the line's cell, in model units. color: RGBA of the line.
 void draw_line(const DrawLines& arguments, End from, End to, double side, const double* color) {
     const auto& image = arguments.image;
     int64_t height = image.shape[0], width = image.shape[1];

@@ -1,24 +1,25 @@
-// March rays through bricks: a pixel grid, tile by tile, brick by brick, LANES pixels in step.
+// March rays through bricks: the rays of a grid, tile by tile and brick by brick, LANES rays in step.
 //
 //     rays of a tile -> their spans inside a brick, sorted by numbers of samples -> marched in step
 //     -> composited under the pixels of the tile
 //
 // The pixels of a tile stay in the processor's cache while all bricks over it are drawn, front to back. No two threads
-// write to one pixel, so that images do not depend on the number of threads. Rays, and where they meet bricks, are
-// float64; samples are float32. There are only sums, products, quotients and roots of IEEE 754, and `fma`, which rounds
-// once: the result is the same bytes on every machine.
+// write to one pixel, so that images do not depend on the number of threads. Rays, and the points where they enter and
+// leave bricks, are float64; samples are float32. Only sums, products, quotients and roots of IEEE 754 are used, and `fma`,
+// which rounds once: the result is the same bytes on every machine.
 #include "draw/kernels.h"
 #include "base/stopping.h"
 #include "draw/fields.h"
 
 namespace {
 
-// Of a ray in a brick; only rays that rounding moves beyond their brick would have more.
+// The most samples of a ray in a brick; only rays that rounding moves beyond their brick would have more.
 constexpr int MAX_SAMPLES = 4095;
+// The number of bytes that the processor loads into its cache at once.
 constexpr int CACHE_LINE_BYTES = 64;
 
-// Load the visible texels of a brick into the cache while another brick is drawn. Where few pixels are drawn, each
-// texel is read a few times only, and half of the time would be waiting.
+// Load the visible texels of a brick into the processor's cache while another brick is drawn. On a subsampled grid, each
+// texel is read only a few times, and half of the time would otherwise be spent waiting.
 void prefetch_brick(const Box& box, const Texels& texels, int64_t texel_floats) {
     auto first = [&](int axis) { return (int64_t)((box.low[axis] - box.corner[axis]) * box.scale + TEXEL_OFFSET); };
     auto end = [&](int axis) {
@@ -33,8 +34,8 @@ void prefetch_brick(const Box& box, const Texels& texels, int64_t texel_floats) 
     }
 }
 
-// Spans of rays inside a brick: the first sample [3], in texels of the brick; the step to the next one [3]; the length
-// of a segment, in model units; the number of the last sample.
+// Return the spans of rays inside a brick, one in each lane: the first sample [3], in texels of the brick; the step to the
+// next sample [3]; the length of a segment, in model units; the number of the last sample.
 INLINE Span span_of(const Box& box, const Tile& tile, const Along (&along)[3], Range range, ClippedMask hit,
                     int64_t pixel) {
     auto number_of_ray = [&](int number) { return load<Doubles>(tile.rays, pixel + number * tile.room); };
@@ -77,12 +78,12 @@ INLINE void composite_under(const Four<Floats>& colors, int64_t first, int64_t n
     (composite.template operator()<LANE>(), ...);
 }
 
-// Composite the samples of spans under the pixels of a tile; rays end behind `termination_alpha`.
-// texels: of the brick, and what follows. pixels: of the image. scene: but for them.
+// Composite the samples of `num` spans in a brick under the pixels of a tile. Rays end beyond the scene's
+// `termination_alpha`. pixels: the image.
 //
-// Indices are valid: samples are clamped to the brick (`first_and_step`), and float32 rounds the last one by less than
-// a quarter of a texel; scalars are finite, so that the search ends at the last piece; lanes without a ray have a span
-// of zeros or of another brick, whose texels are at the same places.
+// Indices into texels and tables are valid: samples are clamped to the brick (`first_and_step`), and float32 rounds the
+// last sample by less than a quarter of a texel; scalars are finite, so that the search for a piece of the transfer function
+// ends at the last piece; lanes without a ray have a span of zeros or of another brick, whose texels have the same places.
 template <Kind KIND, int NUM = 1>
 void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, const Box& box, int64_t num,
            const Tile& tile, Array<float, 1> pixels) {
@@ -138,7 +139,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
     }
 }
 
-// The march of the layers that show anything in a brick.
+// Return the function that marches rays through a brick, for the layers that show anything in it.
 auto march_of(const ShownLayers& shown) {
     Kind kind = shown.kind(0);
     if (shown.num == 1)
@@ -147,14 +148,15 @@ auto march_of(const ShownLayers& shown) {
     return num == 2 ? march<SEVERAL, 2> : num == 3 ? march<SEVERAL, 3> : num == 4 ? march<SEVERAL, 4> : march<SEVERAL, 0>;
 }
 
-// Composite the bricks over a tile, front to back. Return whether it was finished.
+// Composite the bricks over a tile, front to back. Return whether the tile was finished, and drawing not stopped.
 bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int64_t number) {
     const Grid& grid = scene.grid;
     const RaySetup& rays = scene.bricks.rays;
     const auto& boxes = scene.bricks.boxes;
-    const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
+    const Array<float, 1> pixels = {grid.rays.data, {grid.rays.size()}};
     Window window = window_of(grid, number);
-    set_up_rays(grid, rays, window, tile, 3);
+    int64_t num_rays = set_up_rays(grid, rays, window, tile, 3);
+    if (num_rays == 0) return true;
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         if (is_stopped()) return false;
         if (grid.stride > 1 && k + 1 < grid.starts[number + 1]) {
@@ -169,7 +171,7 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
         Box box = box_of(boxes, brick);
         auto march_brick = march_of(shown);
         for_spans(
-            box, rays, covered_by(grid, brick, window), tile,
+            box, rays, segments_of(grid, covered_by(grid, brick, window), window, tile, num_rays), tile,
             [&](ClippedFloats alphas) { return mask_of(alphas <= scene.termination_alpha); },
             [&](const auto&... clipped) __attribute__((always_inline)) { return span_of(box, tile, clipped...); },
             [&](int64_t num) { march_brick(scene, shown, brick, box, num, tile, pixels); });
@@ -179,7 +181,7 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
 
 }  // namespace
 
-// Composite bricks under some tiles of the image, or add them where nothing is absorbed.
+// Composite bricks under some tiles of the image, or add up their light if nothing is absorbed.
 Status draw_tiles(const DrawTiles* arguments) {
     const auto& [grid, bricks, termination_alpha, is_additive, tiles] = *arguments;
     if (!is_consistent(grid, tiles) || !match(bricks.is_mean, grid.rectangles) || !is_complete(bricks))

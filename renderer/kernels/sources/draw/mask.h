@@ -1,8 +1,9 @@
-// Tell which points are in a mask: a volume of the labels 0 and 1 on a grid of its own, by the rule of labels.h.
+// Find the points that are in a mask, which is a volume of the labels 0 and 1 on a grid of its own, by the label rule of
+// labels.h.
 #pragma once
 #include "draw/labels.h"
 
-// Return which points are in a mask. at: the points' positions in the mask's index space.
+// Return which of the active points are in a mask. at: the points' positions in the mask's index space.
 INLINE Mask are_in_mask(const MaskGrid& mask, const Three& at, Mask active) {
     const auto& [num_z, num_y, num_x] = mask.planes.shape;
     const Array<const uint16_t, 1> planes = {mask.planes.data, {mask.planes.size()}};
@@ -37,7 +38,8 @@ INLINE Mask are_in_mask(const MaskGrid& mask, const Three& at, Mask active) {
     return active & (inside | (are_mixed & mask_of(sum > 0.5f)));
 }
 
-// Return which samples in a brick of voxels are in a mask. texel: the samples' positions in the brick.
+// Return which of the active samples in a brick of voxels are in a mask. texel: the samples' positions in the brick, in
+// texels.
 INLINE Mask are_in_mask(const MaskGrid& mask, const Box& box, const Three& texel, Mask active) {
     auto along = [&](const double* row) {
         auto origin = [&](int axis) { return row[axis] * (box.corner[axis] - TEXEL_OFFSET); };

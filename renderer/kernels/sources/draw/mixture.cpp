@@ -1,43 +1,77 @@
 // Composite volumes that overlap, each in a grid of its own, mixed at every point of a ray.
 //
-//     bricks of all groups over a tile -> slabs of depth, of at most SLAB_SAMPLES samples -> every brick adds what its
-//     layers have at the samples to bins -> the bins of a slab are composited, front to back
+//     the bricks of all groups over a tile -> slabs of depth, of at most SLAB_SAMPLES samples -> every brick adds the
+//     extinctions and colours of its layers at the samples to bins -> the bins of a slab are composited, front to back
 //
-// A slab has the same samples for all bricks. Its step is the shortest of theirs; bricks with longer steps take a
-// sample for several bins. Lanes are a packet of neighbouring pixels, whose samples lie in the same bins, side by side:
-// [packet, sample, RGB and depth, lane]. A sample counts for the part of its bins that is inside of the brick, and
-// jitter moves the borders between slabs. Rays end between slabs.
+// A group is the bricks of the layers on one grid of voxels. A slab has the same samples for all bricks: its step is the
+// shortest step of the bricks in it, and a brick with longer steps takes one sample for several bins. A bin is the optical
+// depth, and the colour times it, of one sample. The lanes of a vector are a packet of neighbouring pixels, whose bins lie
+// side by side: [packet, sample, RGB and depth, lane]. A sample counts for the part of its bins that is inside of the brick,
+// and jitter moves the borders between slabs. Rays end between slabs.
 //
-// Slabs are those of a tile, and so depend on its side: pictures of tiles of 8 to 32 pixels are as exact, and 55 dB
-// apart at tolerance 0.1. They do not depend on lanes, threads, or the order of layers.
+// Each tile has slabs of its own, so that pictures depend on the side of tiles: with 8 to 32 pixels they are equally exact,
+// and differ by 55 dB at tolerance 0.1. They do not depend on the number of lanes or threads, or on the order of layers.
 #include "draw/kernels.h"
 #include "base/stopping.h"
 #include "draw/fields.h"
 
 namespace {
 
-constexpr int WIDTH = LANES >= 8 ? 4 : 2, HEIGHT = LANES / WIDTH;  // of a packet
-constexpr int64_t SLAB_SAMPLES = 32, BIN_FLOATS = 4 * LANES;
+// The number of columns of pixels in a packet.
+constexpr int WIDTH = LANES >= 8 ? 4 : 2;
+// The number of rows of pixels in a packet.
+constexpr int HEIGHT = LANES / WIDTH;
+// The most samples of a slab.
+constexpr int64_t SLAB_SAMPLES = 32;
+// The number of floats in a bin of a packet: RGB and depth of each lane.
+constexpr int64_t BIN_FLOATS = 4 * LANES;
+// Stands for the number of the lowest bin of a packet while none is written: larger than the number of any bin.
 constexpr int64_t NO_BIN = 1 << 30;
-// A brick's step may be this much shorter than a number of bins that a sample stands for.
+// A sample may stand for a number of bins that is longer than the brick's step by this share of a bin.
 constexpr double STEP_SLACK = 0.01;
 
-// Bounds of a brick's depth, and its step along a ray, in model units.
+// The depths of a brick along the view direction, in model units.
 struct Depths {
-    double near, far, step;
+    // The nearest depth of the brick.
+    double near;
+    // The farthest depth of the brick.
+    double far;
+    // The depth of a step in the brick.
+    double step;
 };
 
-// The samples of a slab, and the bricks of the tile that may be in it.
+// A slab of depth with its samples. Depths are in model units.
 struct Slab {
-    double begin, end, step;
-    int64_t num, first_brick, end_brick;
+    // The depth at which the slab begins.
+    double begin;
+    // The depth at which the slab ends.
+    double end;
+    // The depth from one sample to the next.
+    double step;
+    // The number of samples; 0 for no slab.
+    int64_t num;
+    // The first brick, in the order of the tile, that may be in the slab.
+    int64_t first_brick;
+    // The brick after the last one that may be in the slab.
+    int64_t end_brick;
 };
 
-// The rays of a packet in the grid of a group, where its planes leave them, and of a slab the first sample and the way
-// to the next one.
+// The rays of a packet in the grid of a group, one in each lane, by depth: a point is `origin + depth * direction`.
 struct PacketRays {
-    Three origin, direction, inverse, sample, way;
-    Floats enter, leave;
+    // The point at depth 0.
+    Three origin;
+    // The way for a depth of one model unit.
+    Three direction;
+    // 1 / direction, and 0 where the direction is 0.
+    Three inverse;
+    // The first sample of the slab.
+    Three sample;
+    // The way from one sample of the slab to the next.
+    Three way;
+    // The depth at which the ray begins, and enters the clip region of the group's planes.
+    Floats enter;
+    // The depth at which the ray leaves the clip region of the group's planes.
+    Floats leave;
 
     INLINE Heights<Floats> heights(const Array<const double, 1>& slab) const {
         Three normal = {in_all<Floats>((float)slab[0]), in_all<Floats>((float)slab[1]), in_all<Floats>((float)slab[2])};
@@ -45,16 +79,31 @@ struct PacketRays {
     }
 };
 
-// The pixels of a packet, and its bins of a slab. low, high: those that were written.
+// The pixels of a packet, one in each lane, and its samples in a slab.
 struct Packet {
-    Floats r, g, b, alpha, jitter, length_per_depth, begin, step;
-    int64_t low, high;
+    // The colour so far, premultiplied by alpha.
+    Floats r, g, b;
+    // The alpha so far; infinite in lanes without a ray.
+    Floats alpha;
+    // The shift of the ray's samples, from -1/2 to 1/2 steps.
+    Floats jitter;
+    // The length of the ray for a depth of 1.
+    Floats length_per_depth;
+    // The depth at which the slab begins on the ray, with its jitter, in model units.
+    Floats begin;
+    // The depth from one sample of the slab to the next, in model units.
+    Floats step;
+    // The lowest bin of the slab that was written.
+    int64_t low;
+    // The bin after the highest one that was written.
+    int64_t high;
+    // Whether any of the rays goes on.
     bool is_alive;
 };
 
 using Span = RangeOf<Floats>;
 
-// Take the first part of spans that is in no removed box, and leave what is behind it.
+// Return the first part of spans that is in none of the clipped boxes, and set `rest` to the span behind this part.
 INLINE Span take_part(Span& rest, const Array<const double, 3>& boxes, const PacketRays& rays) {
     Span part = first_part(rest, boxes.shape[0], [&](int64_t box) {
         return cross_box<Floats>(boxes[box], [&](const auto& slab) { return rays.heights(slab); });
@@ -67,18 +116,26 @@ INLINE Floats held(Floats x, float low, float high) {
     return min_of(max_of(x, in_all<Floats>(low)), in_all<Floats>(high));
 }
 
-// Divides the bricks over a tile into slabs, front to back. pad: half of the longest step, by which jitter may move
-// samples.
+// Divides the bricks over a tile into slabs, front to back.
 struct SlabMaker {
+    // The numbers of the bricks over the tile, by ascending nearest depth.
     const int64_t* bricks;
+    // The number of bricks over the tile.
     int64_t num;
+    // The depths of all bricks, by their numbers.
     const Depths* depths;
-    double pad, begin = 0.0;
-    int64_t first = 0, next = 0;
+    // Half of the longest step of a brick, in model units: jitter moves samples by at most this depth.
+    double pad;
+    // The depth at which the next slab begins, in model units.
+    double begin = 0.0;
+    // The first brick that does not end before the next slab.
+    int64_t first = 0;
+    // The first brick that has been in no slab.
+    int64_t next = 0;
 
     INLINE const Depths& of(int64_t k) const { return depths[bricks[k]]; }
 
-    // The next slab; it has no samples where nothing is left.
+    // Return the next slab; it has no samples if no brick remains.
     Slab make() {
         while (first < next && of(first).far + pad <= begin) first++;
         double step = INFINITE, end = INFINITE, last = -INFINITE;
@@ -107,16 +164,23 @@ struct SlabMaker {
     }
 };
 
-// What a call draws, and its memory. rays: [group, packet]. bins: of all packets.
+// A mixture of volumes that a call draws, with the memory that it needs for a tile.
 struct Mixture {
+    // The arguments of the call.
     const DrawMixture& scene;
+    // The layers of each group that show anything in a brick.
     const Array<ShownLayers, 1> shown;
+    // [group, packet]: the rays of the packets of a tile in the grid of each group.
     const Array<PacketRays, 1> rays;
+    // The packets of a tile.
     const Array<Packet, 1> packets;
+    // [packet, sample, RGB and depth, lane]: the bins of all packets.
     const Array<float, 1> bins;
 
+    // Return the number of packets in a row of packets of a tile.
     INLINE int64_t across() const { return (scene.grid.side + WIDTH - 1) / WIDTH; }
 
+    // Set up the packets of a tile and their rays. window: the tile.
     void set_up(Window window) const {
         const Grid& grid = scene.grid;
         using Wide = Vector<double, LANES>;
@@ -128,16 +192,16 @@ struct Mixture {
             Ints row = lane_numbers<Ints>() / WIDTH + (int32_t)(window.top + p / across() * HEIGHT);
             packet.alpha = in_all<Floats>(NEVER);
             for (int lane = 0; lane < LANES; lane++)
-                if (column[lane] < window.right && row[lane] < window.bottom && grid.is_drawn(row[lane], column[lane]))
+                if (column[lane] < window.right && row[lane] < window.bottom && place_of(grid, row[lane], column[lane]) >= 0)
                     packet.alpha[lane] = 0.0f, packet.is_alive = true;
             if (!packet.is_alive) continue;
-            column *= stride, row *= stride;
-            Ints whole = column * (int32_t)JITTER_PER_PX[0] + row * (int32_t)JITTER_PER_PX[1];
+            row += (int32_t)(grid.first_row * grid.rays_across);
+            Ints whole = column * stride * (int32_t)JITTER_PER_PX[0] + row * stride * (int32_t)JITTER_PER_PX[1];
             packet.jitter = to_float32(whole >> 8 & 0xFFFFFF) / 16777216.0f - 0.5f;
             for (int64_t group = 0; group < scene.groups.shape[0]; group++) {
                 const RaySetup& setup = scene.groups[group].rays;
-                Wide x = __builtin_convertvector(column, Wide) + 0.5 - setup.center_px[0];
-                Wide y = __builtin_convertvector(row, Wide) + 0.5 - setup.center_px[1];
+                auto [x, y] = position_px<Wide>(grid, column, row);
+                x -= setup.center_px[0], y -= setup.center_px[1];
                 Wide square = setup.slope_per_px * setup.slope_per_px * (x * x + y * y);
                 packet.length_per_depth = __builtin_convertvector(root(1.0 + square), Floats);
                 PacketRays& of = rays[group * packets.shape[0] + p];
@@ -160,7 +224,8 @@ struct Mixture {
         }
     }
 
-    // Place the samples of a slab on the rays of a packet.
+    // Place the samples of a slab on the rays of packet `p`. step_before, step_behind: the steps, in model units, by whose
+    // share `jitter` the borders before and behind the slab move.
     void place(Packet& packet, int64_t p, const Slab& slab, double step_before, double step_behind) const {
         packet.low = NO_BIN, packet.high = 0;
         packet.begin = (float)slab.begin + packet.jitter * (float)step_before;
@@ -175,8 +240,9 @@ struct Mixture {
         }
     }
 
-    // Add samples of a brick to the bins of a packet, from `first` on and before `behind`, which may be inside of bins.
-    // own: the bins of a sample, which lies in the middle of what the brick has of them.
+    // Add samples of a brick to the bins of packet `p`. part: the bins that the brick covers on each ray; both ends may be
+    // inside of bins. own: the number of bins for which a sample stands; it lies in the middle of the part that the brick
+    // covers of these bins.
     template <int NUM>
     void march(Packet& packet, int64_t p, int64_t group, int64_t brick, const Box& box, Span part, int64_t own) const {
         const PacketRays& of = rays[group * packets.shape[0] + p];
@@ -250,7 +316,7 @@ struct Mixture {
         }
     }
 
-    // Composite the bins of a packet behind what is before them, and clear them. Return whether any of its rays goes on.
+    // Composite the bins of a packet under its pixels, and clear the bins. Return whether any of the rays goes on.
     bool composite(Packet& packet, int64_t p) const {
         Floats zero = in_all<Floats>(0.0f);
         Mask alive = mask_of(packet.alpha <= scene.termination_alpha);
@@ -271,6 +337,7 @@ struct Mixture {
         return packet.is_alive;
     }
 
+    // Write the pixels of the packets into the image. window: the tile.
     void write(Window window) const {
         const Grid& grid = scene.grid;
         for (int64_t p = 0; p < packets.shape[0]; p++) {
@@ -278,14 +345,16 @@ struct Mixture {
             for (int lane = 0; lane < LANES; lane++) {
                 int64_t column = window.left + p % across() * WIDTH + lane % WIDTH;
                 int64_t row = window.top + p / across() * HEIGHT + lane / WIDTH;
-                if (column >= window.right || row >= window.bottom || !grid.is_drawn(row, column)) continue;
+                if (column >= window.right || row >= window.bottom) continue;
+                int64_t place = place_of(grid, row, column);
+                if (place < 0) continue;
                 const float pixel[4] = {r[lane], g[lane], b[lane], alpha[lane]};
-                for (int channel = 0; channel < 4; channel++) grid.image(row, column, channel) = pixel[channel];
+                for (int channel = 0; channel < 4; channel++) grid.rays(place, channel) = pixel[channel];
             }
         }
     }
 
-    // Return whether the tile was finished.
+    // Draw a tile. Return whether it was finished, and drawing not stopped.
     bool draw_tile(int64_t number) const {
         const Grid& grid = scene.grid;
         Window window = window_of(grid, number);
@@ -297,7 +366,8 @@ struct Mixture {
         for (bool is_alive = true; slab.num > 0 && is_alive;) {
             if (is_stopped()) return false;
             Slab behind = maker.make();
-            // Jitter moves the borders between slabs, by half of the smaller step at most: rays keep all slabs in order.
+            // Jitter moves the border between two slabs by at most half of the smaller of their steps, so that slabs stay
+            // in order along every ray.
             auto step_between = [&](const Slab& one, const Slab& other) {
                 bool meet = one.num > 0 && other.num > 0 && one.end >= other.begin;
                 return meet ? least(one.step, other.step) : slab.step;
@@ -320,6 +390,7 @@ struct Mixture {
     }
 };
 
+// Return whether the arrays of the arguments are large enough, and all numbers in them valid.
 bool is_complete(const DrawMixture& scene) {
     for (int64_t group = 0; group < scene.groups.shape[0]; group++)
         if (!is_complete(scene.groups[group])) return false;
@@ -335,7 +406,7 @@ bool is_complete(const DrawMixture& scene) {
 
 }  // namespace
 
-// Composite bricks into some tiles of the image, which has nothing there.
+// Composite the bricks of several volumes into some tiles of the image; pixels that were there are overwritten.
 Status draw_mixture(const DrawMixture* arguments) {
     const auto& [grid, groups, members, depths, termination_alpha, tiles] = *arguments;
     if (!is_consistent(grid, tiles) || depths.shape[0] != members.shape[0] || !is_complete(*arguments))

@@ -4,40 +4,57 @@
 #include "transfer/transfer.h"
 #include "draw/spans.h"
 
-// The number of texels from one texel of a brick to the next along y and along z.
-constexpr int ROW_STRIDE = PADDED_BRICK_SIZE, PLANE_STRIDE = PADDED_BRICK_SIZE * PADDED_BRICK_SIZE;
+// The distance in memory, in texels, from one texel of a brick to the next along y.
+constexpr int ROW_STRIDE = PADDED_BRICK_SIZE;
+// The distance in memory, in texels, from one texel of a brick to the next along z.
+constexpr int PLANE_STRIDE = PADDED_BRICK_SIZE * PADDED_BRICK_SIZE;
+// The number of texels of a brick with its halo.
 constexpr int TEXELS_PER_BRICK = PADDED_BRICK_SIZE * PLANE_STRIDE;
 // The last texel that is the lowest corner of a cell of eight texels.
 constexpr int32_t LAST_CELL = TEXELS_PER_BRICK - 1 - PLANE_STRIDE - ROW_STRIDE - 1;
-// The number of parts into which a segment is divided if some voxels around it have no data. With one part, grazing
-// rays have means that are off by 40 dB at tolerance 0.
+// The number of parts into which a segment is divided if some voxels around it have no data. With one part, the mean colour
+// of rays that graze such voxels has an error of 40 dB at tolerance 0.
 constexpr int NUM_PARTS = 4;
-constexpr int PIECE_FLOATS = 12;  // as in renderer/transfer/piecewise.py
-constexpr float LOG2_E = 1.4426950408889634, LN_2 = 0.6931471805599453, MAX_DEPTH = 40.0;
-// The series OPACITY_SERIES of renderer/draw/splats/programs.py, where its origin is given.
+// The number of floats of a piece of a transfer function, as in renderer/transfer/piecewise.py.
+constexpr int PIECE_FLOATS = 12;
+// The logarithm of e to base 2.
+constexpr float LOG2_E = 1.4426950408889634;
+// The natural logarithm of 2.
+constexpr float LN_2 = 0.6931471805599453;
+// From this optical depth on, an opacity is 1: exp(-40) is far below the precision of float32.
+constexpr float MAX_DEPTH = 40.0;
+// The coefficients of the series for 1 - exp(-x): OPACITY_SERIES of renderer/draw/splats/programs.py, which explains them.
 constexpr float SERIES[4] = {(float)0.49999463, (float)0.16656359, (float)0.04104245, (float)0.00680757};
 
 using Texels = Array<const float, 1>;
 
+// A vector or point along x, y, z in each lane.
 struct Three {
     Floats x, y, z;
 };
 
-// The extinction and the colour at a point of a ray.
+// A classified sample in each lane.
 struct Sample {
-    Floats tau, r, g, b;
+    // The extinction.
+    Floats tau;
+    // The colour; times the extinction if texels are (tau c, tau).
+    Floats r, g, b;
 };
 
-// The values at the eight corners of cells, x before y before z.
+// The values of the eight texels at the corners of a cell, in each lane; x varies fastest, then y, then z.
 struct Corners {
     Floats a, b, c, d, e, f, g, h;
 };
 
-// A PiecewiseTransfer as lanes read it. columns: the columns of its pieces, used if a vector can hold a whole column.
+// A transfer function (PiecewiseTransfer) in the form in which lanes read it.
 struct LaneTable {
+    // [pieces, PIECE_FLOATS]: the pieces.
     Array<const float, 2> rows;
+    // The piece in which the search for a scalar begins, by equal parts of the range of scalars.
     Array<const int32_t, 1> guide;
+    // Whether a vector can hold a whole column of the pieces.
     bool fits;
+    // The columns of the pieces, if they fit.
     float columns[PIECE_FLOATS][LANES];
 
     explicit LaneTable(const PiecewiseTransfer& pieces)
@@ -47,7 +64,7 @@ struct LaneTable {
     }
 };
 
-// Classify samples by pieces in registers: a frame takes 0.8 of its time with `classify_by_rows`.
+// Classify samples by pieces in registers: with it, a frame takes 0.8 of the time that it takes with `classify_by_rows`.
 INLINE Sample classify_by_columns(const LaneTable& table, Floats scalar) {
     Ints piece = in_all<Ints>(table.guide[0]);
     for (int64_t k = table.guide[0]; k < table.rows.shape[0] - 1; k++)
@@ -92,7 +109,8 @@ INLINE Sample classify(const LaneTable& table, Floats scalar) {
 
 INLINE Floats lerp(Floats share, Floats one, Floats other) { return fma(share, other - one, one); }
 
-// Return the texel at or below each sample, by the samples' numbers, and how far the samples are from it.
+// Return the texel at or below each sample along all axes. number, first, step: the number of the sample on its ray, the
+// position of sample 0 and the way to the next sample, in texels. shares: set to the distance from the texel, from 0 to 1.
 INLINE Ints cell_at(Floats number, const Three& first, const Three& step, Three& shares) {
     Floats x = fma(number, step.x, first.x), y = fma(number, step.y, first.y), z = fma(number, step.z, first.z);
     Ints i = to_int32(x), j = to_int32(y), k = to_int32(z);
@@ -110,6 +128,7 @@ INLINE Corners load_corners(const Texels& texels, Ints at) {
     return corners;
 }
 
+// Interpolate trilinearly between eight texels. shares: the distance from the lowest texel along each axis, from 0 to 1.
 INLINE Floats interpolate(const Corners& corners, const Three& shares) {
     const auto& [a, b, c, d, e, f, g, h] = corners;
     Floats below = lerp(shares.y, lerp(shares.x, a, b), lerp(shares.x, c, d));
@@ -117,11 +136,12 @@ INLINE Floats interpolate(const Corners& corners, const Three& shares) {
     return lerp(shares.z, below, above);
 }
 
+// Return whether texels have data: the lowest bit of a texel without data is 1.
 INLINE Mask has_data(Floats texel) { return mask_of((float32_to_bits(texel) & 1) == 0); }
 
-// Return whether the texels nearest to samples have data; `at` is the lowest of the eight texels around each sample.
+// Return whether the texel nearest to each sample has data; `at` is the lowest of the eight texels around the sample.
 INLINE Mask are_present(const Texels& texels, Ints at, const Three& shares) {
-    // There are no products here: the compiler would multiply each lane on its own.
+    // Products are avoided here, because the compiler would compute them lane by lane.
     auto beyond = [](Floats share, int32_t stride) {
         return where(mask_of(share + 0.5f >= 1.0f), in_all<Ints>(stride), in_all<Ints>(0));
     };
@@ -136,8 +156,8 @@ INLINE Mask are_all_present(const Corners& corners) {
     return mask_of((any(a, b, c, d, e, f, g, h) & 1) == 0);
 }
 
-// Return the share of each sample's segment that has data, from NUM_PARTS points; 1 if the segment is not divided.
-// numbers, first, step: as for `cell_at`. width: the width of the segments, in steps.
+// Return the share of each sample's segment that has data, from NUM_PARTS points of it; 1 if the segment is not divided.
+// numbers, first, step: as in `cell_at`. width: the length of the segments, in steps.
 INLINE Floats share_of_data(const Texels& texels, Mask are_divided, Floats numbers, const Three& first,
                             const Three& step, Floats width) {
     Floats zero = in_all<Floats>(0.0f), share = where(are_divided, zero, in_all<Floats>(1.0f));
@@ -145,7 +165,7 @@ INLINE Floats share_of_data(const Texels& texels, Mask are_divided, Floats numbe
     for (int k = 0; k < NUM_PARTS; k++) {
         Three shares;
         Ints at = cell_at(numbers + (float)((k + 0.5) / NUM_PARTS - 0.5) * width, first, step, shares);
-        at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // for lanes without a ray
+        at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // lanes without a ray may be anywhere
         share += where(are_divided & are_present(texels, at, shares), in_all<Floats>(1.0f / NUM_PARTS), zero);
     }
     return share;
@@ -164,7 +184,7 @@ INLINE Four<Floats> mix_pair(Floats share, const Texels& texels, Ints place) {
     return mix(share, one, other);
 }
 
-// Interpolate channels between eight texels, the lowest of which begins at `place`. Up to two floats after the last
+// Interpolate NUM channels between eight texels, the lowest of which begins at `place`. Up to two floats behind the last
 // texel are read.
 template <int NUM>
 INLINE Four<Floats> mix_corners(const Texels& texels, Ints place, const Three& shares) {
@@ -175,12 +195,13 @@ INLINE Four<Floats> mix_corners(const Texels& texels, Ints place, const Three& s
     return mix(shares.z, face(texels), face(rest_of(texels, NUM * PLANE_STRIDE)));
 }
 
-// Interpolate the gradient. The gradients of a brick come after all its scalars, three numbers for each texel.
+// Interpolate the gradient at samples. The gradients of a brick follow all of its scalars, three numbers for each texel.
 INLINE Three sample_gradient(const Texels& texels, Ints at, const Three& shares) {
     auto gradient = mix_corners<3>(rest_of(texels, TEXELS_PER_BRICK), at * 3, shares);
     return {gradient.a, gradient.b, gradient.c};
 }
 
+// Interpolate (tau c, tau) at samples. texels: the texels of a brick of means or of colours.
 INLINE Sample sample_rgba(const Texels& texels, Ints at, const Three& shares) {
     auto rgba = mix_corners<4>(texels, at * 4, shares);
     return {rgba.d, rgba.a, rgba.b, rgba.c};

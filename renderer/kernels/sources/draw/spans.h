@@ -1,18 +1,31 @@
 // The tiles of a pixel grid, and spans: the parts of the rays of a tile that are inside a brick.
 #pragma once
+#include "bricks/layout.h"
 #include "draw/rays.h"
 
-constexpr int BRICK_SIZE = 16, HALO = 1, PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
-// From cells of a brick to the index of the texel at or below.
+// The position of a brick's lowest corner, in texels from the centre of texel 0.
 constexpr double TEXEL_OFFSET = HALO - 0.5;
-// Where samples are: between the centres of the first and the last texel of a brick, because those beyond are another
-// brick's. The rounding of rays in extremely wide views is larger.
-constexpr double MIN_TEXEL = -0.25 + TEXEL_OFFSET, MAX_TEXEL = BRICK_SIZE + 0.25 + TEXEL_OFFSET;
-constexpr int LAST = 7;  // the last number of a span, by which spans are sorted
+// The lowest position of a sample in a brick, in texels: a quarter of a texel outside of the brick. Samples are clamped to
+// it because, in extremely wide views, rounding may move a ray out of the texels of its brick.
+constexpr double MIN_TEXEL = -0.25 + TEXEL_OFFSET;
+// The highest position of a sample in a brick, in texels: a quarter of a texel outside of the brick.
+constexpr double MAX_TEXEL = BRICK_SIZE + 0.25 + TEXEL_OFFSET;
+// The place in a span of the number by which spans are sorted, which is the last one.
+constexpr int LAST = 7;
 
-// A box as in BrickView.
+// The box of a brick, as in BrickView (renderer/draw/bricks/brick_cache.py). Positions are in voxels from the volume's
+// centre.
 struct Box {
-    double low[3], high[3], corner[3], scale, step;
+    // The lowest corner of the visible bounds.
+    double low[3];
+    // The highest corner of the visible bounds.
+    double high[3];
+    // The lowest corner of the brick's first cell.
+    double corner[3];
+    // The number of cells along the side of a voxel.
+    double scale;
+    // The length of a step, in cells.
+    double step;
 };
 
 INLINE Box box_of(const Array<const double, 2>& boxes, int64_t brick) {
@@ -21,14 +34,17 @@ INLINE Box box_of(const Array<const double, 2>& boxes, int64_t brick) {
     return box;
 }
 
+// Return the number of tiles of a grid along an axis: 0 for rows, 1 for columns.
 INLINE int64_t tiles_along(const Grid& grid, int axis) {
-    return (grid.is_drawn.shape[axis] + grid.side - 1) / grid.side;
+    return (grid.shape[axis] * grid.rays_across + grid.side - 1) / grid.side;
 }
 
-// Whether shapes fit together, and all numbers are of tiles and of bricks.
+// Return whether the shapes of a grid's arrays fit together, and all numbers are numbers of tiles and of bricks.
 inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles) {
-    const auto& [side, stride, rectangles, starts, numbers, is_drawn, image] = grid;
-    if (side < 1 || stride < 1 || !match(is_drawn, image)) return false;
+    const auto& [side, stride, rays_across, is_scattered, first_row, shape, rectangles, starts, numbers, places, rays] = grid;
+    if (side < 1 || stride < 1 || rays_across < 1 || side % rays_across != 0 || shape[0] < 1 || shape[1] < 1) return false;
+    if (places.exists && (places.value.shape[0] != shape[0] || places.value.shape[1] != shape[1])) return false;
+    if (!places.exists && (rays_across > 1 || rays.shape[0] != shape[0] * shape[1])) return false;
     int64_t num_tiles = tiles_along(grid, 0) * tiles_along(grid, 1);
     if (starts.shape[0] != num_tiles + 1) return false;
     for (int64_t k = 0; k < tiles.shape[0]; k++) {
@@ -41,25 +57,27 @@ inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles
     return true;
 }
 
-// The pixels of a tile.
+// Return the rays of a tile.
 INLINE Window window_of(const Grid& grid, int64_t number) {
     int64_t side = grid.side, in_row = tiles_along(grid, 1);
     int64_t top = number / in_row * side, left = number % in_row * side;
-    return {left, top, least(left + side, grid.is_drawn.shape[1]), least(top + side, grid.is_drawn.shape[0])};
+    return {left, top, least(left + side, grid.shape[1] * grid.rays_across),
+            least(top + side, grid.shape[0] * grid.rays_across)};
 }
 
-// The pixels of a tile, counted from its first, that a brick may cover.
+// Return the rays of a tile that a brick may cover, in rows and columns from the tile's first ray.
 INLINE Window covered_by(const Grid& grid, int64_t brick, Window tile) {
     auto rectangle = grid.rectangles[brick];
     return {most(tile.left, rectangle[0]) - tile.left, most(tile.top, rectangle[1]) - tile.top,
             least(tile.right, rectangle[2]) - tile.left, least(tile.bottom, rectangle[3]) - tile.top};
 }
 
-// The first sample along an axis, in texels of the brick, and the step to the next one. begin, end: where the first and
-// the last sample are along the ray. per_interval: 1 / the number of intervals between samples.
+// Set `first` to the position of the first sample along an axis, in texels of the brick, and `step` to the way to the next
+// sample. begin, end: the positions of the first and the last sample along the ray. per_interval: 1 / the number of
+// intervals between samples. corner, scale: of the brick's Box.
 INLINE void first_and_step(const Along& ray, Doubles begin, Doubles end, Doubles per_interval, double corner,
                            double scale, ClippedFloats& first, ClippedFloats& step) {
-    auto texel_at = [&](Doubles way) {  // clamped to where a brick has texels; NaN becomes the lowest one
+    auto texel_at = [&](Doubles way) {  // clamped to the positions of texels of the brick; NaN becomes the lowest one
         Doubles texel = (ray.origin + way * ray.direction - corner) * scale + TEXEL_OFFSET;
         return min_of(max_of(in_all<Doubles>(MIN_TEXEL), texel), in_all<Doubles>(MAX_TEXEL));
     };
@@ -68,12 +86,16 @@ INLINE void first_and_step(const Along& ray, Doubles begin, Doubles end, Doubles
     step = __builtin_convertvector((other - one) * per_interval, ClippedFloats);
 }
 
-// The numbers of spans, one in each lane.
+// The SPAN_FLOATS numbers of a span, one span in each lane.
 struct Span {
-    Four<ClippedFloats> low, high;
+    // The first four numbers.
+    Four<ClippedFloats> low;
+    // The last four numbers.
+    Four<ClippedFloats> high;
 };
 
-// Append a span for each ray that hits, and return how many spans there are then; there is room for one more.
+// Append a span for each ray of `hit` to the `num` spans of a tile, and return the new number of spans. There must be room
+// for one span more.
 template <int... LANE>
 INLINE int64_t append(const Tile& tile, int64_t num, ClippedMask hit, int64_t pixel, const Span& span, Lanes<LANE...>) {
     const auto& [low, high] = span;
@@ -87,7 +109,7 @@ INLINE int64_t append(const Tile& tile, int64_t num, ClippedMask hit, int64_t pi
     return num;
 }
 
-// Sort spans by their last numbers, so that those that are marched in step end together.
+// Sort spans by their last numbers, such as numbers of samples, so that spans that are marched in step end together.
 inline void sort_spans(const Tile& tile, int64_t num) {
     const Array<int64_t, 1> starts = tile.counts;
     const Array<int32_t, 1> order = tile.order;
@@ -104,19 +126,46 @@ inline void sort_spans(const Tile& tile, int64_t num) {
     for (int32_t k = 0; k < num; k++) order[starts[last(k)]++] = k;
 }
 
-// Find the spans inside a brick of the rays that go on, in a window of a tile, and call `draw` with the number of them,
-// sorted. Where rays are clipped, a span ends where a removed box begins; then it is called again with what is behind that box.
-// goes_on: of what was found so far. span_of: makes a span of where rays that hit enter and leave the brick.
+// The rays of a tile that a brick may cover, as pieces of the list of the tile's rays.
+struct Segments {
+    // The number of segments.
+    int64_t num;
+    // The first ray of the first segment.
+    int64_t first;
+    // The distance from one segment to the next, in rays.
+    int64_t step;
+    // The number of rays of a segment.
+    int64_t length;
+};
+
+// Return the rays of a tile that a brick may cover. If all rays of the tile are drawn, one for each pixel, they are listed
+// row by row, and each row is a segment; otherwise all rays of the rows that the brick covers are one segment. covered: the
+// window of the brick in the tile. num: the number of rays of the tile.
+INLINE Segments segments_of(const Grid& grid, Window covered, Window window, const Tile& tile, int64_t num) {
+    int64_t width = window.right - window.left, height = window.bottom - window.top, across = grid.rays_across;
+    if (num == width * height && across == 1)
+        return {most<int64_t>(covered.bottom - covered.top, 0), covered.top * width + covered.left, width,
+                covered.right - covered.left};
+    if (covered.bottom <= covered.top || covered.right <= covered.left) return {0, 0, 0, 0};
+    int64_t begin = tile.row_starts[covered.top / across], end = tile.row_starts[(covered.bottom + across - 1) / across];
+    return {1, begin, 0, end - begin};
+}
+
+// Find the spans inside a brick of the rays that go on, sort them, and call `draw` with their number. If boxes clip rays, a
+// span ends where a box begins; the parts behind the boxes are the spans of further calls.
+//
+// goes_on: returns which rays go on, from the numbers in `found` of the tile. span_of: makes a span from the range in which
+// a ray is inside the brick.
 template <class GoesOn, class SpanOf, class Draw>
-INLINE void for_spans(const Box& box, const RaySetup& rays, Window window, const Tile& tile, GoesOn goes_on,
+INLINE void for_spans(const Box& box, const RaySetup& rays, Segments segments, const Tile& tile, GoesOn goes_on,
                       SpanOf span_of, Draw draw) {
     for (bool has_more = true; has_more;) {
         int64_t num = 0;
         has_more = false;
-        for (int64_t row = window.top; row < window.bottom; row++) {
-            for (int64_t column = window.left; column < window.right; column += CLIPPED) {
-                int64_t pixel = row * tile.side + column;
-                ClippedMask hit = mask_of(lane_numbers<ClippedInts>() < (int32_t)(window.right - column));
+        for (int64_t row = 0; row < segments.num; row++) {
+            for (int64_t column = 0; column < segments.length; column += CLIPPED) {
+                int64_t pixel = segments.first + row * segments.step + column;
+                ClippedMask hit = mask_of(lane_numbers<ClippedInts>() < (int32_t)(segments.length - column));
                 hit &= goes_on(load<ClippedFloats>(tile.found, pixel));
                 if (!any_of(hit)) continue;
                 const Along along[] = {ray_along(tile, pixel, 0), ray_along(tile, pixel, 1), ray_along(tile, pixel, 2)};

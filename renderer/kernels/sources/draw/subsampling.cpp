@@ -12,12 +12,13 @@ INLINE Pixel pixel_at(const Array<const float, 3>& image, int64_t row, int64_t c
 
 INLINE Pixel between(float share, Pixel one, Pixel other) { return one + share * (other - one); }
 
-// How far a row or column is behind one of the grid, as a share of the distance to the next one.
+// Return the distance of a row or column of the image from the grid's row or column before it, as a share of the distance
+// to the grid's next one.
 INLINE float share_of(int64_t rest, int64_t factor) { return (float)((double)rest / (double)factor); }
 
 INLINE bool is_more(Pixel difference, float threshold) { return any_of(mask_of(difference > threshold)); }
 
-// Whether the grid bends by more than a threshold at a pixel, along its row or column.
+// Return whether the grid bends by more than a threshold at a pixel, along its row or column.
 INLINE bool bends(const Array<const float, 3>& grid, float threshold, int64_t row, int64_t column) {
     int64_t above = most<int64_t>(row - 1, 0), below = least(row + 1, grid.shape[0] - 1);
     int64_t left = most<int64_t>(column - 1, 0), right = least(column + 1, grid.shape[1] - 1);
@@ -36,7 +37,7 @@ bool fits(const Arguments& arguments) {
 
 }  // namespace
 
-// First between two rows of the grid, then along the row.
+// Interpolate rows of an image, first between two rows of the grid, then along the row.
 Status upsample_rows(const UpsampleRows* arguments) {
     if (!fits(*arguments)) return OUT_OF_BOUNDS;
     const auto [grid, image, factor, first_row, end_row] = *arguments;
@@ -58,11 +59,12 @@ Status upsample_rows(const UpsampleRows* arguments) {
     return DONE;
 }
 
-// is_drawn: which pixels are to be drawn, and 0 in the image: those between four of the grid that differ, and one of
-// which bends, by more than a threshold. The others are interpolated, first along rows.
+// Interpolate rows of an image, first along rows, and find the pixels that must be drawn instead: pixels between four
+// pixels of the grid that differ by more than a threshold, if the grid also bends by more than it at one of the four. Such
+// a pixel gets its number in `places`, and 0 in the image; other pixels get -1 in `places`.
 Status refine_rows(const RefineRows* arguments) {
-    const auto [grid, image, factor, first_row, end_row, threshold, is_drawn] = *arguments;
-    if (!fits(*arguments) || !match(is_drawn, image)) return OUT_OF_BOUNDS;
+    const auto [grid, image, factor, first_row, end_row, threshold, places] = *arguments;
+    if (!fits(*arguments) || !match(places, image)) return OUT_OF_BOUNDS;
     int64_t num_columns = image.shape[1], last_row = grid.shape[0] - 1, last_column = grid.shape[1] - 1;
     for (int64_t row = first_row; row < end_row; row++) {
         int64_t above = row / factor, below = least(above + 1, last_row);
@@ -80,7 +82,7 @@ Status refine_rows(const RefineRows* arguments) {
                 float share = share_of(rest, factor);
                 bool drawn = differ && (rest > 0 || row % factor > 0);
                 Pixel pixel = between(down, between(share, upper, upper_right), between(share, lower, lower_right));
-                is_drawn(row, column) = drawn;
+                places(row, column) = drawn ? (int32_t)(row * num_columns + column) : -1;
                 store(&image(row, column, 0), 0, drawn ? (Pixel)0.0f : pixel);
             }
         }

@@ -4,11 +4,18 @@
 
 namespace {
 
+// After this many rays, a tenth of a millisecond, the kernel looks whether it is asked to stop.
+constexpr int64_t RAYS_BETWEEN_LOOKS = 1024;
+
+// A ray in index space, in voxels from the middle of the volume.
 struct Ray {
-    double origin[3], direction[3];
+    // The origin along x, y, z.
+    double origin[3];
+    // The direction along x, y, z.
+    double direction[3];
 };
 
-// A range of lengths along a ray, which is empty unless start < end.
+// A range of positions along a ray, in lengths of its direction; it is empty unless start < end.
 struct Range {
     double start, end;
 };
@@ -30,8 +37,8 @@ Range clip_to_slabs(const Array<const double, 2>& slabs, const Ray& ray, Range r
     return range;
 }
 
-// Return the length, of a range inside the box, that lies in voxels with data, from one voxel to the next. The ray's
-// origin is in voxels from the middle of the volume.
+// Return the length of the parts of a range that lie in voxels with data. The range is inside the volume's box, and is
+// followed from one voxel to the next.
 double length_of_data(const Array<const bool, 3>& absent, const Ray& ray, Range range) {
     auto [start, end] = range;
     double corner[3], leave[3], length = 0.0;
@@ -60,13 +67,13 @@ double length_of_data(const Array<const bool, 3>& absent, const Ray& ray, Range 
         until = most(until, start);
         length += absent(voxel[2], voxel[1], voxel[0]) ? 0.0 : until - start;
         start = until;
-        // There are three cases because the processor predicts which one comes, while an index would wait for the
-        // division.
+        // There is a case for each axis, because the processor predicts the case, while an array index would have to wait
+        // for the division.
         if (across < 0 || !(across == 0 ? step(0) : across == 1 ? step(1) : step(2))) return length;
     }
 }
 
-// Return the length of a range that lies in none of the removed ranges, and not in absent voxels.
+// Return the length of the parts of a range that lie in none of the removed ranges, and not in voxels without data.
 double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool, 3>>& absent, const Ray& ray,
                       Range range) {
     auto [start, end] = range;
@@ -87,33 +94,31 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
 
 }  // namespace
 
-// Write the world lengths of the rays of some rows of the image, within `rays.clip`.
+// Write the world lengths of the parts of rays that are inside the volume's box and its clip region.
 Status measure_chords(const MeasureChords* arguments) {
-    const auto [rays, shape, first_row, absent, unit, lengths] = *arguments;
-    const auto& [slabs, boxes] = rays.clip.value;  // both are empty for None
+    const auto [rays, shape, positions_px, absent, unit, lengths] = *arguments;
+    const auto& [slabs, boxes] = rays.clip.value;  // both are empty if nothing clips the volume
     for (int axis = 0; axis < 3; axis++)
         if (absent.exists && absent.value.shape[2 - axis] != shape[axis]) return OUT_OF_BOUNDS;
     const double half[3] = {shape[0] / 2.0, shape[1] / 2.0, shape[2] / 2.0};
     const double of_box[15] = {1, 0, 0, -half[0], half[0], 0, 1, 0, -half[1], half[1], 0, 0, 1, -half[2], half[2]};
     Buffer<Range> removed(boxes.shape[0]);
+    if (positions_px.shape[0] != lengths.shape[0]) return OUT_OF_BOUNDS;
     if (!removed) return NO_MEMORY;
-    for (int64_t row = 0; row < lengths.shape[0]; row++) {
-        if (is_stopped()) return STOPPED;
-        const double y = first_row + row + 0.5 - rays.center_px[1];
-        for (int64_t column = 0; column < lengths.shape[1]; column++) {
-            const double x = column + 0.5 - rays.center_px[0];
-            Ray ray;
-            for (int axis = 0; axis < 3; axis++) {
-                const double *origins = &rays.origins[3 * axis], *directions = &rays.directions[3 * axis];
-                ray.origin[axis] = origins[0] + origins[1] * x + origins[2] * y;
-                ray.direction[axis] = directions[0] + directions[1] * x + directions[2] * y;
-            }
-            Range range = clip_to_slabs({of_box, {3, 5}}, ray, {rays.start, __builtin_inf()});
-            range = clip_to_slabs(slabs, ray, range);
-            for (int64_t k = 0; k < removed.shape[0]; k++) removed[k] = clip_to_slabs(boxes[k], ray, range);
-            double per_depth = __builtin_sqrt(1.0 + rays.slope_per_px * rays.slope_per_px * (x * x + y * y));
-            lengths(row, column) = (float)(length_without(removed, absent, ray, range) * per_depth * unit);
+    for (int64_t k = 0; k < lengths.shape[0]; k++) {
+        if (k % RAYS_BETWEEN_LOOKS == 0 && is_stopped()) return STOPPED;
+        const double x = positions_px(k, 0) - rays.center_px[0], y = positions_px(k, 1) - rays.center_px[1];
+        Ray ray;
+        for (int axis = 0; axis < 3; axis++) {
+            const double *origins = &rays.origins[3 * axis], *directions = &rays.directions[3 * axis];
+            ray.origin[axis] = origins[0] + origins[1] * x + origins[2] * y;
+            ray.direction[axis] = directions[0] + directions[1] * x + directions[2] * y;
         }
+        Range range = clip_to_slabs({of_box, {3, 5}}, ray, {rays.start, __builtin_inf()});
+        range = clip_to_slabs(slabs, ray, range);
+        for (int64_t box = 0; box < removed.shape[0]; box++) removed[box] = clip_to_slabs(boxes[box], ray, range);
+        double per_depth = __builtin_sqrt(1.0 + rays.slope_per_px * rays.slope_per_px * (x * x + y * y));
+        lengths[k] = (float)(length_without(removed, absent, ray, range) * per_depth * unit);
     }
     return DONE;
 }

@@ -8,20 +8,20 @@ struct MeasureChords {
     RaySetup rays;
     // The number of voxels of the volume along x, y, z.
     int64_t shape[3];
-    // The row of the image to which row 0 of `lengths` belongs.
-    EACH_CALL int64_t first_row;
+    // [n, 2]: columns and rows of the rays in the picture, in pixels from its top left corner.
+    EACH_CALL Sized<const double, 2, 2> positions_px;
     // [z, y, x]: the voxels without data, which do not count; None if all count.
     Maybe<Array<const bool, 3>> absent;
     // The world length of a model unit.
     double unit;
-    // [rows, w]: the world length of each pixel's ray.
-    EACH_CALL Array<float, 2> lengths;
+    // [n]: the world length of each ray inside the volume's box and its clip region; the kernel writes it.
+    EACH_CALL Array<float, 1> lengths;
 };
 LONG_KERNEL(measure_chords, MeasureChords)
 
 // Turn one number of each ray into a colour.
 struct ColorShares {
-    // The colours as a function of the number.
+    // The table of colours, as a function of the number of a ray.
     TransferTable curve;
     // [h, w]: the number of each ray.
     EACH_CALL Array<const float, 2> shares;

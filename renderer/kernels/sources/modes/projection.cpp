@@ -2,7 +2,7 @@
 #include "modes/kernels.h"
 #include "transfer/transfer.h"
 
-// Write the colour of each ray's number, opaque, times `brightness`; a pixel is 0 where the chord is 0.
+// Write the colour of each ray's number, opaque, times `brightness`. A pixel whose ray misses the volume's box stays 0.
 Status color_shares(const ColorShares* arguments) {
     const auto [curve, shares, chords, brightness, image] = *arguments;
     if (!match(shares, chords, brightness, image)) return OUT_OF_BOUNDS;
