@@ -165,7 +165,7 @@ def suggest_scene(
         degrees above the object, framed so that nothing is cut off.
     size: (width, height) of the pictures, in pixels; 512 x 512 by default.
     background: a colour; black by default. "transparent" needs a format that has alpha.
-    tolerance: the error that is allowed; 0.05 by default. Smaller errors take more time; 0 draws every voxel.
+    tolerance: the error that is allowed; 0.1 by default. Smaller errors take more time; 0 draws every voxel.
     output: the file that `render` writes; film.mp4 by default.
 
     Returns the scene. Voxels that are NaN, infinite or have a fill value are left out.

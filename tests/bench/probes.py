@@ -15,17 +15,27 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from measuring import PAGES, SUBJECTS, THREADS, machine_line, parser_of, section, suggested, write_page
+from measuring import PAGES, THREADS, machine_line, parser_of, section, write_page
 
+import renderer
 from renderer.accuracy import TRUTH_TOLERANCE, ErrorSamples, FrameProber, Truth, compute_truth, pool_samples, psnr
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.film import Pixels
 from renderer.frame import FilmStage, prepare_stage, render_frames
-from renderer.scene import with_tolerance
+from renderer.scene import ModeSpec, with_tolerance
 from renderer.volume import Float64
 
 PAGE = PAGES / "probes.md"
-SIZE, FRAMES = (256, 256), (5, 35, 65, 95)
+# Suggested scenes, each with its volume and its mode; the intervals were not tuned to them.
+SCENES = {
+    "engine, CT": ("engine.nhdr", None),
+    "bonsai, CT": ("bonsai.nhdr", None),
+    "labels of a head": ("medical/PD25_labels.nii.gz", None),
+    "chest, CT": ("medical/LIDC2.mha", None),
+    "engine, maximum": ("engine.nhdr", "maximum"),
+}
+SIZE = (256, 256)
+FRAMES = (5, 35, 65, 95)
 TOLERANCES = (1.0, 0.5, 0.3, 0.1, 0.03)
 PROBES, FILM_PROBES = (16, 64, 256), 64
 REPEATS = 100
@@ -76,7 +86,7 @@ class Drawn(NamedTuple):
 
 def main() -> None:
     data, found = parser_of(__doc__).parse_args().data, []
-    for name in SUBJECTS:
+    for name in SCENES:
         found.append(measured(data, name))
         print(_row(found[-1]), flush=True)
     write_page(PAGE, page(found))
@@ -84,7 +94,9 @@ def main() -> None:
 
 def measured(data: Path, name: str) -> Figures:
     """Draw a scene and probe it many times."""
-    scene = suggested(data, name, SIZE)
+    file, mode = SCENES[name]
+    scene = renderer.suggest_scene(data / file, size=SIZE)
+    scene = scene if mode is None else replace(scene, mode=ModeSpec(mode)).with_layers(shading=None)
     with (
         prepare_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
         open_rasterizer(scene) as rasterizer,
