@@ -42,8 +42,11 @@ TOLERANCE = 0.1
 BEFORE_TOLERANCE = 0.05
 # Pixels of each frame that are compared with exact rays where a whole truth would take many minutes.
 PROBES = 4096
-# The largest side of a picture that is compared with a whole truth.
-LARGEST_WHOLE = 256
+# The largest side of a picture that is compared with a whole truth, which alone tells flicker.
+LARGEST_WHOLE = 64
+# Scenes whose flicker at FLICKER_SIDE is measured, too: each takes minutes.
+FLICKERING = ("engine, CT", "labels of a head", "vessels, a formula")
+FLICKER_SIDE = 256
 REPEATS = 5
 SIDES = (512, 256, 64)
 SUBJECTS: Mapping[str, str] = {
@@ -73,19 +76,20 @@ def main() -> None:
         "of the error of a pixel between both frames that 1 % of the object's pixels exceed, of 255 levels."
     )
     lines = [machine_line(), "", *section("Several rays of a pixel", text, COLUMNS)]
-    for name in (*SUBJECTS, VESSELS):
+    rows = [(name, side, side <= LARGEST_WHOLE) for name in (*SUBJECTS, VESSELS) for side in SIDES]
+    rows += [(name, FLICKER_SIDE, True) for name in FLICKERING]
+    for name, side, is_whole in rows:
         volume = vessels() if name == VESSELS else data / SUBJECTS[name]
-        for side in SIDES:
-            row = f"| {name} | {side} | {' | '.join(measured(renderer.suggest_scene(volume, size=(side, side))))} |"
-            print(row, flush=True)
-            lines.append(row)
-            write_page(PAGE, lines)
+        scene = renderer.suggest_scene(volume, size=(side, side))
+        lines.append(f"| {name} | {side} | {' | '.join(measured(scene, is_whole))} |")
+        print(lines[-1], flush=True)
+        write_page(PAGE, lines)
 
 
-def measured(scene: Scene) -> Iterator[str]:
-    """Yield the cells of a scene's row."""
+def measured(scene: Scene, is_whole: bool) -> Iterator[str]:
+    """Yield the cells of a scene's row. is_whole: whether its pictures are compared with whole truths."""
     with prepare_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage:
-        compare = whole_comparison(stage) if scene.output.size[0] <= LARGEST_WHOLE else sampled_comparison(stage)
+        compare = whole_comparison(stage) if is_whole else sampled_comparison(stage)
         one = figures(stage, BEFORE_TOLERANCE, compare, single)
         now = figures(stage, TOLERANCE, compare, lambda sampling: sampling)
     yield f"{one.psnr:.1f} dB"

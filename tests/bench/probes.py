@@ -34,7 +34,7 @@ SCENES = {
     "chest, CT": ("medical/LIDC2.mha", None),
     "engine, maximum": ("engine.nhdr", "maximum"),
 }
-SIZE = (256, 256)
+SIZE = (128, 128)
 FRAMES = (5, 35, 65, 95)
 TOLERANCES = (1.0, 0.5, 0.3, 0.1, 0.03)
 PROBES, FILM_PROBES = (16, 64, 256), 64
