@@ -67,7 +67,7 @@ class ExactPictures:
         return any(truth.shows_volume for truth in self._truths.values())
 
     def compare(self, frame: Frame) -> tuple[float, float]:
-        """Return the metric of a trial picture over all pixels, and the deviation 0, as it is no estimate."""
+        """Return the metric of a trial picture over all pixels, and the deviation 0: nothing is estimated."""
         if frame.number not in self._truths:
             truth = self._find_truth(frame.number)
             means = PixelMeans(*(each.astype(np.float32) for each in truth.means))

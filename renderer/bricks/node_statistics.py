@@ -22,7 +22,7 @@ class NodeStatistics:
 
     max_error_by_neighbour: float64 [z, y, x, 3, 3, 3], for each brick and each neighbour at -1, 0 and 1 along z, y, x,
         the largest error of the brick's nodes in the neighbour's halo. The middle entry is for all nodes of the brick.
-    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the bounds of those of these nodes that are visible: the lowest
+    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the bounds of the visible ones among these nodes: the lowest
         place (x, y, z) in the brick, and one above the highest place; BRICK_SIZE and 0 if no node is visible.
     max_error_below: float64 [z, y, x], the largest error of the nodes in each brick of the level below, half as wide.
     squared_errors_below: float64 [z, y, x], for each brick of the level below, the sum of squared errors of its nodes,
