@@ -66,6 +66,18 @@ def test_no_wire_is_dashed(brick_rasterizer: BrickRasterizer, width: int, degree
     assert -10 * math.log10(((image - expected)[:, 6:-6] ** 2).mean()) > 35
 
 
+@pytest.mark.parametrize("degrees", [44.8, 45.0, 135.0])
+def test_a_wire_between_the_four_rays_of_pixels_is_drawn(brick_rasterizer: BrickRasterizer, degrees: float) -> None:
+    """A wire of 0.28 pixels through the centres of pixels on a diagonal: only the first ray of each meets it."""
+    shown = np.zeros((51, 1250))
+    shown[22:29] = 1
+    volume = plates(shown)
+    view = turned(volume, degrees, voxels_per_px=25.0, size=(28, 28))
+    image = alphas(brick_rasterizer, batch_of(volume, screen_sampling_at(0.1, 1 / 25)), view)
+    expected = coverage(view, lambda x, y: (np.abs(y) < 3.5) & (np.abs(x) < 600), 32)
+    assert -10 * math.log10(((image - expected) ** 2).mean()) > 38
+
+
 def test_a_disc_has_the_coverage_of_its_pixels(brick_rasterizer: BrickRasterizer) -> None:
     y, x = np.indices((64, 64)) - 31.5
     volume = plates(np.clip(20.5 - np.hypot(x, y), 0, 1))

@@ -121,7 +121,7 @@ def test_pictures_are_those_of_exact_rays(name: str) -> None:
     ("name", "least"),
     [
         ("orthographic", 60),
-        ("one grid", 70),
+        ("one grid", 65),
         ("added", 60),
         ("added on one grid", 60),
         ("maximum", 40),

@@ -87,7 +87,8 @@ def _antialias(image: Float64, batch: BrickBatch, draw: DrawRays) -> None:
     marked = _contrasts(image, np.ones_like(has_several)) > sampling.contrast_threshold
     while marked.any():
         rays = np.minimum(draw(np.argwhere(marked), 2), 1)  # as they are displayed
-        image[marked], spreads[marked] = rays.mean(axis=1), np.ptp(rays, axis=1).max(axis=-1)
+        with_first = np.concatenate([rays, np.minimum(image[marked], 1)[:, None]], axis=1)
+        image[marked], spreads[marked] = rays.mean(axis=1), np.ptp(with_first, axis=1).max(axis=-1)
         has_several |= marked
         marked = (_contrasts(image, marked) > sampling.contrast_threshold) & ~has_several
     marked = spreads > sampling.spread_threshold

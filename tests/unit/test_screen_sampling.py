@@ -51,15 +51,15 @@ def test_strides_of_the_subsampled_grids(tolerance: float, cell_px: float, strid
 @pytest.mark.parametrize(
     ("tolerance", "cell_px", "contrast", "spread"),
     [
-        (0.1, 3.0, 0.15, 0.4),
-        (0.1, 1.0, 0.15, 0.4),
-        (0.1, 0.5, 0.075, 0.2),
-        (0.0, 1.0, 0.5 / 255, 4 / 3 / 255),
-        (1e300, 1.0, 1.5e30, 4e30),
+        (0.1, 3.0, 0.15, 0.6),
+        (0.1, 1.0, 0.15, 0.6),
+        (0.1, 0.25, 0.075, 0.3),
+        (0.0, 1.0, 0.5 / 255, 2 / 255),
+        (1e300, 1.0, 1.5e30, 6e30),
     ],
 )
 def test_contrasts_of_pixels_with_several_rays(tolerance, cell_px: float, contrast: float, spread: float) -> None:
-    """In proportion to the tolerance, and to cells that are smaller than a pixel; half a level or more, in float32."""
+    """In proportion to the tolerance, and to the root of cells below a pixel; half a level or more, in float32."""
     found = screen_sampling_at(tolerance, cell_px)
     assert (found.contrast_threshold, found.spread_threshold) == pytest.approx((contrast, spread))
 

@@ -1,6 +1,6 @@
 """Find the pixels whose colour a single ray does not give, draw several rays in each, and take their mean.
 
-    one ray a pixel; where cells are smaller than a pixel, one more ray somewhere in every other pixel
+    one ray a pixel; where cells are smaller than a pixel, one more ray somewhere in every third pixel
     -> pixels that differ from a neighbour: 4 rays; neighbours that differ then: 4 rays, and so on
     -> pixels whose 4 rays differ, or whose additional ray differs from the first one: 16 rays
     -> neighbours of pixels on a thin line: 16 rays, and so on
@@ -60,12 +60,12 @@ def antialias(image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, thr
 
 
 def _scout(image: Float32, threshold: float, marks: UInt8, draw_rays: DrawRays) -> None:
-    """Draw one more ray somewhere in every other pixel without a mark, and mark the pixels whose two rays differ."""
+    """Draw one more ray somewhere in every third pixel without a mark, and mark the pixels whose two rays differ."""
     height, width = image.shape[:2]
     rows_at_once = max(1, _PIXELS_AT_ONCE // width)
     for first in range(0, height, rows_at_once):
         rows = np.arange(first, min(first + rows_at_once, height))[:, None]
-        pixels = (rows * width + np.arange(width))[(rows + np.arange(width)) % 2 == 0]
+        pixels = (rows * width + np.arange(width))[(rows + np.arange(width)) % 3 == 0]
         pixels = pixels[marks.reshape(-1)[pixels] == 0]
         if pixels.size:
             scouts = draw_rays(pixels, 1, is_scattered=True)

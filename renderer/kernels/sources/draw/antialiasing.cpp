@@ -104,16 +104,18 @@ Status follow_lines(const FollowLines* arguments) {
     return DONE;
 }
 
-// Write the mean of each pixel's rays, as they are displayed, into a picture, and whether the rays differ by more than a
-// threshold in a channel.
+// Write the mean of each pixel's rays, as they are displayed, into a picture, and whether the rays and the colour that the
+// pixel had before differ by more than a threshold in a channel: a line may lie under the one ray that gave the pixel its
+// colour, and between all rays that follow.
 Status average_rays(const AverageRays* arguments) {
     const auto [rays, num_rays, pixels, threshold, image, differ] = *arguments;
     if (num_rays < 1 || rays.shape[0] != pixels.shape[0] * num_rays || !match(differ, pixels)) return OUT_OF_BOUNDS;
     for (int64_t k = 0; k < pixels.shape[0]; k++) {
         if (pixels[k] < 0 || pixels[k] >= image.shape[0]) return OUT_OF_BOUNDS;
-        Pixel sum = ray_at(rays, k * num_rays);
-        Extent extent = {sum, sum};
-        for (int64_t ray = 1; ray < num_rays; ray++) {
+        Pixel before = min_of(load<Pixel>(&image(pixels[k], 0), 0), Pixel{1, 1, 1, 1});
+        Pixel sum = {};
+        Extent extent = {before, before};
+        for (int64_t ray = 0; ray < num_rays; ray++) {
             Pixel one = ray_at(rays, k * num_rays + ray);
             sum += one;
             extent = join_extents(extent, {one, one});
