@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
@@ -10,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.system import commit, package_versions, sources_digest, versions
+from renderer.system import commit, package_versions, sources_digest
 
 
 def forget_versions() -> None:
     """Let this process read the versions of packages and sources again."""
-    versions._version.cache_clear()
-    versions.sources_digest.cache_clear()
+    sys.modules[package_versions.__module__]._version.cache_clear()
+    sources_digest.cache_clear()
 
 
 @pytest.fixture(autouse=True)
