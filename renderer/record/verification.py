@@ -15,7 +15,7 @@ from renderer.record.finished_film import FinishedFilm
 from renderer.record.picture_files import FrameFile, picture_problems
 from renderer.record.record_making import changed_tools
 from renderer.record.up_to_date import describe_mismatch
-from renderer.record.verified_accuracy import MOST_RAYS, FreshAccuracy, RayOptions, RayProgress, measure_pictures
+from renderer.record.verified_accuracy import FreshAccuracy, RayOptions, RayProgress, measure_pictures, most_rays
 from renderer.scene import ErrorSpec, FilmScene, OutputFile, OutputSpec, accuracy_of, counted
 
 # The message about a file whose digest is not the recorded one. The pictures in the file can be measured all the same.
@@ -132,7 +132,8 @@ def verify_pictures(
         measured = measure_pictures(stage, files.readable, options, progress)
         problems += measured.problems
         if not measured.is_precise:
-            notes.append(f"{MOST_RAYS} rays a frame, the most there are, do not reach {options.precision_db:g} dB")
+            most = most_rays(stage.scene.output)
+            notes.append(f"{most} rays a frame, the most there are, do not reach {options.precision_db:g} dB")
     return PicturesCheck(problems, notes, measured)
 
 

@@ -25,8 +25,8 @@ from renderer.scene import OutputFile
 # The number of probed pixels of a frame in the first measurement. It is at least doubled for each further measurement,
 # until the interval of the film's PSNR is narrow enough.
 _FEWEST_RAYS = 64
-# The largest number of probed pixels of a frame in a measurement.
-MOST_RAYS = 4096
+# The largest number of probed pixels of a frame in a measurement, if the frame has as many pixels.
+_MOST_RAYS = 4096
 # At most this many frames are measured, evenly spread over a long film.
 _MOST_FRAMES = 240
 # A frame of an encoded film is unusual if its squared error, and the squared error that it gained since it was
@@ -91,9 +91,9 @@ def measure_pictures(
 ) -> FreshAccuracy:
     """Measure the pictures of frames in the first output; of a long film, only some evenly spread frames."""
     output = stage.scene.output
-    rays = _Rays(stage, output, frames, options.num_threads, progress)
+    rays, most = _Rays(stage, output, frames, options.num_threads, progress), most_rays(output)
     chosen = spread_evenly(frames, _MOST_FRAMES, is_loop=True)
-    num_rays, width = _FEWEST_RAYS, math.inf
+    num_rays, width = min(_FEWEST_RAYS, most), math.inf
     while True:
         measured = rays.measure(chosen, num_rays, options.seed)
         accuracy = film_accuracy(measured)
@@ -101,18 +101,23 @@ def measure_pictures(
         low, high = accuracy.interval
         width = max(accuracy.psnr - low, high - accuracy.psnr)
         is_precise = width <= options.precision_db or low > psnr(ROUNDING_ERROR)
-        if is_precise or num_rays == MOST_RAYS:
+        if is_precise or num_rays == most:
             break
-        num_rays = min(MOST_RAYS, 2 * num_rays * max(1, round((width / options.precision_db) ** 2 / 2)))
+        num_rays = min(most, 2 * num_rays * max(1, round((width / options.precision_db) ** 2 / 2)))
     is_recorded = output.is_frames and all(frame.accuracy is not None for frame in chosen)
     limits = (_least_as_recorded if is_recorded else _least_usual)(chosen, [_psnr(frame) for frame in measured])
     problems = [*_film_problems(chosen, accuracy, output)]
     # Suspicious frames are measured again with the most rays: few rays are often wrong about one of many frames.
     suspects = {each.frame: least for each, least in zip(measured, limits, strict=True) if _psnr(each) < least}
-    for each in rays.measure([each for each in chosen if each.frame in suspects], MOST_RAYS, options.seed + 1):
+    for each in rays.measure([each for each in chosen if each.frame in suspects], most, options.seed + 1):
         what = "is not the picture that was recorded" if is_recorded else "is far less exact than others"
         problems += _problems(f"frame {each.frame} {what}", each.accuracy, suspects[each.frame], output, each.frame)
     return FreshAccuracy(replace(accuracy, seed=options.seed), len(chosen), is_precise, problems)
+
+
+def most_rays(output: OutputFile) -> int:
+    """Return the largest number of probed pixels of a frame in a measurement: not more than the frame has."""
+    return min(_MOST_RAYS, math.prod(output.size))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""Find the versions of the packages and the sources that make an output."""
+"""Find the versions of the packages and the sources that make an output.
+
+Packages and sources are read once in a process: it goes on with the code that it has loaded if they change.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import hashlib
 import os
 import platform
 import subprocess
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -30,6 +34,7 @@ def package_versions(*more: str) -> dict[str, str]:
     return {"python": platform.python_version()} | {name: _version(name) for name in (*_PACKAGES, *more)}
 
 
+@cache
 def _version(package: str) -> str:
     try:
         return metadata.version(package)
@@ -55,6 +60,7 @@ def _git(*arguments: str) -> str:
     return subprocess.run(command, check=False, cwd=_ROOT, capture_output=True, text=True).stdout.strip()
 
 
+@cache
 def sources_digest(package: str = "renderer") -> str:
     """Return the digest of the sources of a package, in all languages: 32 hexadecimal digits."""
     found = hashlib.blake2b(digest_size=16)

@@ -11,5 +11,5 @@ from transcripts import Case, cases
 
 @cases("films.txt")
 def test_messages(case: Case, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    Path("scene.yaml").write_text(small_scene(), encoding="utf-8")
+    Path("scene.yaml").write_text(small_scene(error=""), encoding="utf-8")
     case.check(capsys)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from hashlib import sha256
+
 import numpy as np
 
 from renderer.scene import TransferSpec
@@ -11,6 +13,8 @@ from renderer.transfer import make_transfer_function
 from renderer.volume import Array, Volume, make_volume
 
 N = 48
+# The suggestions that `suggested` has computed.
+_SUGGESTED = dict[tuple[object, ...], Suggestion]()
 
 
 def volume_of(values: Array, spacing: float = 1.0) -> Volume:
@@ -25,9 +29,12 @@ def sample_of(values: Array, spacing: float = 1.0) -> VoxelSample:
 
 
 def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) -> Suggestion:
-    """Return the look that is suggested for a volume of these values."""
-    volume = volume_of(values, spacing)
-    return suggest(volume, compute_statistics(volume.values), Wish(colormap))
+    """Return the look that is suggested for a volume of these values, which is computed once for all tests."""
+    key = sha256(np.ascontiguousarray(values)).digest(), values.dtype.str, values.shape, spacing, colormap
+    if key not in _SUGGESTED:
+        volume = volume_of(values, spacing)
+        _SUGGESTED[key] = suggest(volume, compute_statistics(volume.values), Wish(colormap))
+    return _SUGGESTED[key]
 
 
 def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:

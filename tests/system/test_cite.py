@@ -20,7 +20,7 @@ OUTPUTS = "  - {file: film.mp4, size: [32, 32]}\n  - {file: 'f/{frame}.png'}\n  
 def film(folder: Path) -> None:
     """Draw a film with a light that comes later."""
     light = "shading: {occlusion: {0: 0, 2: 0.5}}\n"
-    text = re.sub(r"output:\n(.*\n)+", f"{light}output:\n{OUTPUTS}", small_scene(frames=3))
+    text = re.sub(r"output:\n(.*\n)+", f"{light}output:\n{OUTPUTS}", small_scene(frames=3, error=""))
     Path("scene.yaml").write_text(text, encoding="utf-8")
     assert main.run(["render", "scene.yaml", "--quiet"]) == 0
 

@@ -115,7 +115,7 @@ def test_it_does_not_depend_on_threads() -> None:
 @pytest.mark.parametrize("name", ["a fog", "opacities that change few pixels"])
 def test_commands_tell_it(name: str) -> None:
     opacity, (word,) = LOOKS[name]
-    Path("scene.yaml").write_text(yaml.safe_dump(scene_of(opacity)))
+    Path("scene.yaml").write_text(yaml.safe_dump(scene_of(opacity, error={"probes": 16})))
     sentence = "the picture shows the box of ball.npy: its background, near 30" if word == BOX else f"show {word}"
     assert sentence in run("check", "scene.yaml").partition("note     ")[2]
     assert sentence in run("preview", "scene.yaml").partition("note: ")[2]

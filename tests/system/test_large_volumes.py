@@ -68,7 +68,8 @@ def test_memory_while_a_large_volume_is_drawn(tmp_path: Path) -> None:
         for z in range(n):
             file.write(np.roll(plane, z * z // 64, axis=1).astype(np.uint8).tobytes())
     volume = f"raw: {{file: large.raw, shape: [{n}, {n}, {n}], dtype: uint8, spacing: [1, 1, 1]}}"
-    scene = small_scene(frames=8, size="96, 96", error="tolerance: 0.5", footprint="integrated", volume=volume)
+    error = "tolerance: 0.5, probes: 16"
+    scene = small_scene(frames=8, size="96, 96", error=error, footprint="integrated", volume=volume)
     (tmp_path / "large.yaml").write_text(scene)
     found = json.loads(python("-c", CHILD, str(tmp_path / "large.yaml"), str(BRICK_BYTES)).stdout)
     assert found["is_mapped"]

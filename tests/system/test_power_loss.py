@@ -41,7 +41,7 @@ def named(monkeypatch: pytest.MonkeyPatch) -> dict[str, bool]:
 
 @pytest.fixture(autouse=True)
 def scene(folder: Path) -> None:
-    Path("scene.yaml").write_text(small_scene(frames=2, error="tolerance: 0.1"), encoding="utf-8")
+    Path("scene.yaml").write_text(small_scene(frames=2, error="tolerance: 0.1, probes: 16"), encoding="utf-8")
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "film.gif"])

@@ -80,7 +80,7 @@ def test_volumes_labels_and_what_moves() -> None:
     np.save("head.npy", head_in_hounsfield_units())
     labels = 1 * ball((0, 0, 0), 0.8, 24) + ball((0, 0, 0.3), 0.4, 24)
     np.save("labels.npy", labels.astype(np.uint8))
-    text = page_of("head.npy")
+    text = page_of("head.npy", "--size", "64")
     assert [word for word in PRESET_WORDS if f"--preset {word}" in text] == ["bone", "vessels", "skin", "xray"]
     text = page_of("labels.npy", "--size", "64")
     assert "label 2" in text and "--preset" not in text

@@ -20,15 +20,17 @@ from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import prepare_stage, render_frames
 from renderer.job import search_tolerances
-from renderer.scene import Scene, load_scene, with_tolerance
+from renderer.scene import Scene, load_scene, parse_scene, parse_yaml, with_tolerance
+from renderer.volume import Float64
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
 NUM_FRAMES = 24
 # Splats, whose accuracy hardly differs between frames: few pixels decide that of a small picture of bricks.
-SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="48, 32", error="psnr: 27", footprint="gaussian")
+SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="36, 24", error="psnr: 27", footprint="gaussian")
 BEYOND = ("--set", "error.psnr=150")
 RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.045")
+FEWER_FRAMES = ("--set", "camera.path.frames=8")
 EXTRAS = ("skimage", "flip_evaluator", "scipy", "vtkmodules")
 
 
@@ -36,27 +38,31 @@ def render(*arguments: str, code: int = 0) -> None:
     assert main.run(["render", "scene.yaml", *arguments]) == code
 
 
-def accuracies(metric: str, scene: Scene, frames: Sequence[int], rasterizer: Rasterizer) -> dict[int, float]:
-    """Return the metric of the pictures of these frames, by frame."""
+@pytest.fixture(scope="module")
+def truths() -> list[Float64]:
+    """Return the exact pictures of all frames of SCENE."""
+    stage = prepare_stage(parse_scene(parse_yaml(SCENE).data, base=Path()), clock=lambda: 0.0, num_threads=1)
+    return [compute_truth(stage, frame, TRUTH_TOLERANCE).picture for frame in range(NUM_FRAMES)]
+
+
+def accuracies(metric: str, scene: Scene, truths: Sequence[Float64], rasterizer: Rasterizer) -> list[float]:
+    """Return the metric of the pictures of all frames."""
     stage = prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
-    pictures = {
-        frame.number: over_background(frame.radiance, scene.output.background)
-        for frame in render_frames(stage, frames, rasterizer, clock=lambda: 0.0)
-    }
-    return {
-        frame: compute_metric(metric, picture, compute_truth(stage, frame, TRUTH_TOLERANCE).picture)
-        for frame, picture in pictures.items()
-    }
+    drawn = render_frames(stage, range(len(truths)), rasterizer, clock=lambda: 0.0)
+    pictures = [over_background(frame.radiance, scene.output.background) for frame in drawn]
+    return [compute_metric(metric, picture, truth) for picture, truth in zip(pictures, truths, strict=True)]
 
 
 @pytest.mark.parametrize(("metric", "change", "wanted"), [("psnr", (), 27.0), ("rmse", RMSE, 0.045)])
-def test_the_whole_film_has_the_accuracy(metric: str, change: tuple[str, ...], wanted: float, rasterizer_for) -> None:
+def test_the_whole_film_has_the_accuracy(
+    metric: str, change: tuple[str, ...], wanted: float, rasterizer_for, truths: list[Float64]
+) -> None:
     """All frames but one or two do, and none is much too good in the mean."""
     render("--quiet", *change)
     made = sidecar()
     scene = with_tolerance(load_scene(Path("scene.yaml")), made["frames"][0]["tolerance"])
-    values = accuracies(metric, scene, range(NUM_FRAMES), rasterizer_for(scene))
-    decibels = np.array([value if metric == "psnr" else -20 * np.log10(value) for value in values.values()])
+    values = accuracies(metric, scene, truths, rasterizer_for(scene))
+    decibels = np.array([value if metric == "psnr" else -20 * np.log10(value) for value in values])
     margins = decibels - (wanted if metric == "psnr" else -20 * np.log10(wanted))
     assert np.count_nonzero(margins < 0) <= 2
     assert margins.min() > -0.5
@@ -90,7 +96,7 @@ def test_a_search_is_printed_and_recorded(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_tolerances_of_bricks_vary_along_the_film_and_are_made_again(scheduler: str) -> None:
-    bricks = ("--set", "splat.footprint=integrated", "--set", "error.psnr=46")
+    bricks = ("--set", "splat.footprint=integrated", "--set", "error.psnr=46", *FEWER_FRAMES)
     render("--quiet", *bricks)
     tolerances = [frame["tolerance"] for frame in sidecar()["frames"]]
     assert len({*tolerances}) > 1
@@ -109,17 +115,17 @@ def test_a_film_that_misses_the_accuracy_says_so(monkeypatch, capsys) -> None:
         return replace(found, by_frame=dict.fromkeys(found.by_frame, 1e9))
 
     monkeypatch.setattr("renderer.job.plan.search_tolerances", too_coarse)
-    render("--quiet", code=1)
+    render("--quiet", *FEWER_FRAMES, code=1)
     shortfall = sidecar()["schedule"]["shortfall"]
     assert shortfall.startswith("error.psnr: the film is less exact than requested\n  got: ")
     assert f"{shortfall}\n" == capsys.readouterr().err
-    render("--quiet", "--best-effort")
+    render("--quiet", *FEWER_FRAMES, "--best-effort")
 
 
 def test_measure_finds_a_tolerance_for_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     """It prints a line that takes the place of what the scene asks for. Whole truths need no margin."""
-    render("--quiet", *RMSE)
-    assert main.run(["measure", "scene.yaml", "--quiet", "--thorough", "--want", "rmse=0.045"]) == 0
+    render("--quiet", *RMSE, *FEWER_FRAMES)
+    assert main.run(["measure", "scene.yaml", "--quiet", "--thorough", "--want", "rmse=0.045", *FEWER_FRAMES]) == 0
     line = yaml.safe_load(capsys.readouterr().out.splitlines()[-1])["error"]
     assert line.keys() == {"measure", "tolerance"}
     assert 0.3 < sidecar()["scene"]["error"]["tolerance"] / line["tolerance"] < 1.3
@@ -128,7 +134,7 @@ def test_measure_finds_a_tolerance_for_the_same(capsys: pytest.CaptureFixture[st
 def test_a_film_beyond_full_resolution_is_whole(capsys: pytest.CaptureFixture[str]) -> None:
     """Whole, with every voxel; only the exit code, a note and the record of it depend on what was asked for."""
     render("--quiet", *BEYOND, code=1)
-    assert np.asarray(imageio.imread("film.mp4", index=None)).shape == (NUM_FRAMES, 32, 48, 3)
+    assert np.asarray(imageio.imread("film.mp4", index=None)).shape == (NUM_FRAMES, 24, 36, 3)
     without, error = sidecar(), capsys.readouterr().err
     render("--quiet", *BEYOND, "--best-effort")
     assert capsys.readouterr() == ("", "")

@@ -18,8 +18,8 @@ from hsplat_cli import main
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
-NUM_FRAMES = 150
-SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, error="splats: {0: 50, 4: 500}")
+NUM_FRAMES = 60
+SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, error="splats: {0: 50, 4: 500}, probes: 2")
 
 
 @pytest.fixture(scope="module")

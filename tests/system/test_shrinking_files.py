@@ -57,7 +57,7 @@ def folder(tmp_path: Path) -> Path:
 )
 def test_between_a_look_and_the_reading(footprint: str, caller: str, folder: Path) -> None:
     whole = (folder / "large.npy").stat().st_size
-    scene = small_scene(frames=4, error="tolerance: 0.01", footprint=footprint, volume="file: large.npy")
+    scene = small_scene(frames=4, error="tolerance: 0.01, probes: 16", footprint=footprint, volume="file: large.npy")
     (folder / "scene.yaml").write_text(scene)
     command = ("-m", "hsplat_cli", "render", "scene.yaml", "--quiet", "--output", "out/{frame}.png")
     done = python(*command, folder=folder, PYTHONPATH=f"{folder}:{CODE}", HSPLAT_TEST_SHRINK=caller)

@@ -69,7 +69,7 @@ def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFi
         assert turntable("in/uint8.npy", "-o", "out", "--frames", "5", "--size", "32", "--force", "--quiet") == 2
         assert capfd.readouterr().err.startswith("out/uint8.mp4: another job is writing this output\n  got: process ")
         assert (Path("out/uint8.yaml").read_bytes(), report()) == (before, told)
-        assert turntable("in/uint8.npy", "in/labels.npy", "-o", "out", *SMALL) == 2
+        assert turntable("in/uint8.npy", "in/signed.npy", "-o", "out", *SMALL) == 2
     table = capfd.readouterr().out.splitlines()
     assert table[1].split()[1:3] == ["not", "begun"]
     assert table[1].endswith("out/uint8.mp4: another job is writing this output")
@@ -129,7 +129,7 @@ def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted() -> None:
 
 def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     """Sizes and times of files tell that it is; where they do not, its process looks whether it is."""
-    volumes, started = ["in/uint8.npy", "in/labels.npy"], list[str]()
+    volumes, started = ["in/uint8.npy", "in/signed.npy"], list[str]()
     command = [*volumes, "-o", "out", *SMALL, "--format=png"]
     os.utime("in/uint8.npy", ns=(10**18, 10**18))
     assert turntable(*command) == 0
@@ -163,7 +163,7 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     assert turntable(*command) == 0
     assert (files("out"), Path("out/uint8/0001.png").stat().st_mtime_ns) == before
     assert needs() == []
-    Path("out/labels/0002.png").touch()
+    Path("out/signed/0002.png").touch()
     Path("out/uint8.yaml").unlink()
     assert needs() == volumes
 
@@ -171,7 +171,7 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
 def test_odd_names() -> None:
     names = ["-dash and two\nlines.npy", os.fsdecode(b"a b'c\"d: {frame}\xff.npy")]
     for name in names:
-        Path(name).write_bytes(Path("in/labels.npy").read_bytes())
+        Path(name).write_bytes(Path("in/uint8.npy").read_bytes())
     assert turntable("-o", "out", *SMALL, "--", *names) == 0
     assert [record["status"] for record in report()] == ["done"] * 2
     assert len([name for name in files("out") if name.endswith(".mp4")]) == 2
@@ -201,7 +201,7 @@ def test_a_process_that_is_killed_fails_alone(monkeypatch, capfd) -> None:
 
 def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
     """Only the parent gets the signal, while the second film is made: the process of the film ends, too."""
-    arguments = ["turntable", "in/labels.npy", "in/signed.npy", "in/uint8.npy", "-o", "out", "--frames", "100"]
+    arguments = ["turntable", "in/uint8.npy", "in/signed.npy", "in/labels.npy", "-o", "out", "--frames", "50"]
     process = subprocess.Popen(
         [*HSPLAT, *arguments, "--size", "16"],
         env=environment(),
@@ -218,8 +218,8 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
     assert err.endswith("hsplat: interrupted\n")
     assert [record["status"] for record in report()] == ["done", "interrupted"]
     assert [line.split()[1] for line in out.splitlines()[-3:]] == ["done", "interrupted", "not"]
-    names = ["index.html", *(f"labels.{end}" for end in ("mp4", "mp4.json", "yaml"))]
-    names += ["posters/labels.jpg", "signed.yaml", "turntable.json"]
+    names = ["index.html", "posters/uint8.jpg", "signed.yaml", "turntable.json"]
+    names += ["uint8.mp4", "uint8.mp4.json", "uint8.yaml"]
     assert [name for name in files("out") if "unfinished" not in name] == names
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
@@ -10,6 +12,19 @@ import numpy as np
 import pytest
 
 from renderer.system import commit, package_versions, sources_digest
+
+
+def forget_versions() -> None:
+    """Let this process read the versions of packages and sources again."""
+    sys.modules[package_versions.__module__]._version.cache_clear()
+    sources_digest.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def _as_in_a_new_process() -> Iterator[None]:
+    forget_versions()
+    yield
+    forget_versions()
 
 
 @pytest.fixture
@@ -47,6 +62,7 @@ def test_versions_are_those_of_packages(monkeypatch: pytest.MonkeyPatch) -> None
     assert found["numpy"] == np.__version__
     assert "scipy" in found
     assert found["no-such-package"] == "not installed"
+    forget_versions()
     monkeypatch.setattr(metadata, "version", lambda package: "1.2")
     assert package_versions()["hsplat"] == "1.2"
 
@@ -57,12 +73,23 @@ def test_the_digest_of_the_sources_changes_with_a_shader(tmp_path: Path, monkeyp
     digests = set()
     for text in ("one", "two"):
         (tmp_path / "renderer" / "gl" / "splat.glsl").write_text(text)
+        forget_versions()
         digests.add(sources_digest())
     assert len(digests) == 2
 
 
+def test_a_process_goes_on_with_the_sources_that_it_has_loaded(repository: Path) -> None:
+    (repository / "renderer").mkdir()
+    (repository / "renderer" / "source.py").write_text("")
+    before = package_versions(), sources_digest()
+    (repository / "renderer" / "source.py").write_text("a = 1")
+    (repository / "status").write_text(" M source.py\n")
+    assert (package_versions(), sources_digest()) == before
+
+
 def test_sources_in_a_repository_have_their_commit(repository: Path) -> None:
     assert package_versions()["hsplat"] == "commit 1a2b3c4"
+    forget_versions()
     (repository / "status").write_text(" M source.py\n")
     assert package_versions()["hsplat"] == "commit 1a2b3c4-dirty"
 

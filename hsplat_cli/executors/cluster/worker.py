@@ -6,7 +6,6 @@ functions.
 
 from __future__ import annotations
 
-import functools
 import os
 import weakref
 from concurrent.futures import ThreadPoolExecutor
@@ -97,11 +96,7 @@ def describe_worker() -> dict[str, str]:
 
     The digest is needed because checkouts with different sources may have the same version.
     """
-    return package_versions() | {"sources": _sources_digest()}
-
-
-# Returns the digest of the drawing code. It is computed once, as the code is loaded: a checkout may change later.
-_sources_digest = functools.cache(sources_digest)
+    return package_versions() | {"sources": sources_digest()}
 
 
 def draw_on_worker(stage_data: SerializedStage, number: int, memory: MemoryShare) -> DrawnPictures:
