@@ -202,7 +202,8 @@ INLINE Variation variation(const DualCells<T>& cells, TermsOf& terms) {
 // Add the steps between shown voxels and hidden or missing ones to the variation of a brick. is_shown(z, y, x): tells
 // whether a voxel at a corner of dual cells is shown.
 template <class IsShown>
-Variation with_edges(const Variation& found, const DualCells<double>& cells, const Curve& curve, const IsShown& is_shown) {
+Variation with_edges(const Variation& found, const DualCells<double>& cells, const Curve& curve,
+                     const IsShown& is_shown) {
     double largest = squared(found.largest), total = 0;
     cells.for_each([&](int64_t z, int64_t y, int64_t x, double low, double high) {
         Range scaled = {curve.scale * low, curve.scale * high};
