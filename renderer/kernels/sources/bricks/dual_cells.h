@@ -1,5 +1,6 @@
 // The dual cells of a brick, each between eight voxel centres (subvoxel.cpp), and the range of values at their corners.
 #pragma once
+#include "base/lanes.h"
 #include "bricks/brick_voxels.h"
 #include "bricks/layout.h"
 
@@ -51,30 +52,45 @@ struct DualCells {
     double size() const { return (double)(nums[0] * nums[1] * nums[2]); }
 };
 
+// Write the smaller of two numbers (or the larger, if TAKES_LARGER) to `out` [num], 16 numbers at a time; `num` is at
+// most 32. As both rows are read before `out` is written, it may be one of them. A number that is NaN has no effect.
+template <bool TAKES_LARGER, class T>
+INLINE void choose_in_row(const T* one, const T* other, int64_t num, T* out) {
+    constexpr int64_t width = 16;
+    using Row = Vector<T, width>;
+    auto chosen_at = [&](int64_t x) __attribute__((always_inline)) {
+        Row a = load<Row>(one, x), b = load<Row>(other, x);
+        if constexpr (TAKES_LARGER) return max_of(max_of(in_all<Row>(BOTTOM<T>), a), b);
+        else return min_of(min_of(in_all<Row>(TOP<T>), a), b);
+    };
+    if (num >= width) {
+        Row first = chosen_at(0), last = chosen_at(num - width);
+        store(out, 0, first), store(out, num - width, last);
+        return;
+    }
+    for (int64_t x = 0; x < num; x++)
+        if constexpr (TAKES_LARGER) out[x] = most(most(BOTTOM<T>, one[x]), other[x]);
+        else out[x] = least(least(TOP<T>, one[x]), other[x]);
+}
+
 // Turn values at voxel centres, in `cells.low`, into the smallest and largest value of each dual cell. NaN have no
 // effect.
 template <class T>
 void to_ranges(const DualCells<T>& cells) {
-    auto [low, high, nums] = cells;
+    const auto [low, high, nums] = cells;
+    const int64_t num_x = nums[2] + 1;
     for (int64_t z = 0; z < nums[0] + 2; z++)
         for (int64_t y = 0; y < nums[1] + 2; y++) {
-            T *lows = &low(z, y, 0), *highs = &high(z, y, 0);
-            for (int64_t x = 0; x < nums[2] + 1; x++) {
-                T here = lows[x], there = lows[x + 1];
-                lows[x] = least(least(TOP<T>, here), there);
-                highs[x] = most(most(BOTTOM<T>, here), there);
-            }
+            T* row = &low(z, y, 0);
+            choose_in_row<true>(row, row + 1, num_x, &high(z, y, 0));
+            choose_in_row<false>(row, row + 1, num_x, row);
         }
     for (int axis = 1; axis >= 0; axis--)
         for (int64_t z = 0; z < nums[0] + 1 + axis; z++)
             for (int64_t y = 0; y < nums[1] + 1; y++) {
                 int64_t next_z = z + (axis == 0), next_y = y + (axis == 1);
-                T *lows = &low(z, y, 0), *highs = &high(z, y, 0);
-                const T *next_lows = &low(next_z, next_y, 0), *next_highs = &high(next_z, next_y, 0);
-                for (int64_t x = 0; x < nums[2] + 1; x++) {
-                    lows[x] = least(lows[x], next_lows[x]);
-                    highs[x] = most(highs[x], next_highs[x]);
-                }
+                choose_in_row<false>(&low(z, y, 0), &low(next_z, next_y, 0), num_x, &low(z, y, 0));
+                choose_in_row<true>(&high(z, y, 0), &high(next_z, next_y, 0), num_x, &high(z, y, 0));
             }
 }
 

@@ -188,12 +188,14 @@ INLINE Variation variation(const DualCells<T>& cells, TermsOf& terms) {
         for (int64_t y = 0; y <= cells.nums[1]; y++) {
             const T *low = &cells.low(z, y, 0), *high = &cells.high(z, y, 0);
             double of_row = cells.share_along(0, z) * cells.share_along(1, y);
-            for (int64_t x = 0; x <= cells.nums[2]; x++) {
-                Terms found = terms(low[x], high[x]);
-                double part = of_row * cells.share_along(2, x);
+            auto add = [&](int64_t x, double part) __attribute__((always_inline)) {
+                const Terms found = terms(low[x], high[x]);
                 largest = most(largest, found.largest);
                 total += part * found.steps, total_difference += part * found.differences;
-            }
+            };
+            add(0, 0.5 * of_row);
+            for (int64_t x = 1; x < cells.nums[2]; x++) add(x, of_row);
+            add(cells.nums[2], 0.5 * of_row);
         }
     return {__builtin_sqrt(largest), __builtin_sqrt(total / cells.size()),
             __builtin_sqrt(total_difference / cells.size())};
@@ -314,8 +316,9 @@ Status measure_patterns(const MeasureVoxelBricks& arguments, const PatternOrder<
         if (is_stopped()) return STOPPED;
         int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
         const int64_t first[3] = {BRICK_SIZE * x - HALO, BRICK_SIZE * y - HALO, BRICK_SIZE * z - HALO};
-        auto ordered = [&](T pattern) { return (T)(pattern ^ order.flip); };
-        load_values(raw, box_of(voxels.raw), first, size, low.data, ordered);
+        load_values(raw, box_of(voxels.raw), first, size, low.data, [](T pattern) { return pattern; });
+        if (order.flip)
+            for (int64_t k = 0; k < size * size * size; k++) low.data[k] ^= order.flip;
         T lowest = TOP<T>, highest = BOTTOM<T>;
         for (int64_t k = 0; k < size * size * size; k++)
             lowest = least(lowest, low.data[k]), highest = most(highest, low.data[k]);

@@ -1,8 +1,8 @@
 // Count the bit patterns of voxels (renderer/statistics/value_counts.py).
 #include "volume/kernels.h"
 
-// Count the patterns of voxels. Neighbours often are equal, so that one counter would wait for itself: voxel k counts in
-// table k modulo NUM_TABLES.
+// Count the patterns of voxels. Neighbours are often equal, and a counter would wait for itself: voxel k counts in table
+// k modulo NUM_TABLES.
 Status count_patterns(const CountPatterns* arguments) {
     constexpr int64_t NUM_TABLES = 4;
     const auto& [raw, counts] = *arguments;
