@@ -240,37 +240,38 @@ Variation differences(const DualCells<double>& cells, const Differs& differs, co
 
 // The terms of dual cells as a function of the range of bit patterns at their corners.
 //
-// Many dual cells have the same range, so terms are kept in a table. A range of bytes has a place of its own; ranges of
-// wider patterns share places, of which the later one stays.
+// Many dual cells of bytes have the same range, so their terms are kept in a table. Wider patterns have too many ranges.
 template <class T>
 class TermsByPattern {
     struct Kept {
         // The terms of the range.
         Terms terms;
-        // The range, in the lower 16 bits and above them, plus 1; 0 for an empty place.
-        uint64_t key;
+        // Whether the terms have been computed.
+        bool are_known;
     };
-    // The number of bits of a place in the table.
-    static constexpr int BITS = 16;
+    static constexpr bool IS_KEPT = sizeof(T) == 1;
     // The terms that are not in the table.
     TermsByScalar by_scalar;
     // The scalar of each pattern, in ascending order.
     const double* scalars;
-    // The terms of ranges that were asked for.
+    // The terms by the lowest and the highest pattern of a range.
     Buffer<Kept> table;
 
   public:
     // ordered: the scalars of patterns, in ascending order.
-    TermsByPattern(const Curve& curve, const double* ordered) : by_scalar(curve), scalars(ordered), table(1 << BITS) {}
+    TermsByPattern(const Curve& curve, const double* ordered)
+        : by_scalar(curve), scalars(ordered), table(IS_KEPT ? 1 << 16 : 1) {}
 
     // Return false if there was no memory for the table.
     explicit operator bool() const { return (bool)table; }
 
-    INLINE const Terms& operator()(T low, T high) {
-        uint64_t key = ((uint64_t)low | (uint64_t)high << 16) + 1;
-        Kept& kept = table[(low ^ high << 8) & ((1 << BITS) - 1)];
-        if (kept.key != key) kept = {by_scalar(scalars[low], scalars[high]), key};
-        return kept.terms;
+    INLINE Terms operator()(T low, T high) {
+        if constexpr (!IS_KEPT) return by_scalar(scalars[low], scalars[high]);
+        else {
+            Kept& kept = table[low | high << 8];
+            if (!kept.are_known) kept = {by_scalar(scalars[low], scalars[high]), true};
+            return kept.terms;
+        }
     }
 };
 
