@@ -533,3 +533,9 @@ class Kernels:
         mask: MaskGrid,
         out: NDArray[np.uint8],
     ) -> None: ...
+    def count_patterns(
+        self,
+        *,
+        raw: NDArray[Any],
+        counts: NDArray[np.int64],
+    ) -> None: ...

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 
 import numpy as np
 
-from renderer.statistics.isolated import OutlierValue, find_isolated
-from renderer.statistics.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
+from renderer.statistics.isolated import MAX_FRACTION, OutlierValue, find_isolated
+from renderer.statistics.percentiles import Chunks, make_ordered_keys, values_at_ranks
+from renderer.statistics.value_counts import ValueCounts, count_values, has_narrow_integers
 from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 
 # The largest number of bins of a histogram. If at most this many integers are in the range of the values, each of them
@@ -46,6 +47,8 @@ class Statistics:
     bin_width: the width of a bin, in data units.
     percentiles: for each percentage of PERCENTILES, the smallest value that at least this share of the voxels does not
         exceed; exact.
+    inner: the lowest and the highest value that are not among the voxels at each end of the range that may be outliers,
+        by their number; exact.
     outliers: values that are far from all other values.
     without_outliers: the statistics of the values that are no outliers; None if no value is an outlier.
     """
@@ -57,6 +60,7 @@ class Statistics:
     bins: Float64
     bin_width: float
     percentiles: Mapping[float, int | float]
+    inner: tuple[int | float, int | float]
     outliers: tuple[OutlierValue, ...] = ()
     without_outliers: Statistics | None = None
 
@@ -75,19 +79,42 @@ def compute_statistics(values: Array, source: MappedFile | None = None) -> Stati
     values: any shape, C-contiguous, finite except NaN where there are no data; at least one is finite. source: the file
     that the values are mapped from, if any. Raises InputError if that file has changed.
     """
-    chunks = partial(_chunks_of_data, values, source)
-    whole = others = _statistics(values.dtype, chunks)
+    measure = _measuring(values, source)
+    whole = others = measure(-math.inf, math.inf)
     outliers: list[OutlierValue] = []
     for _ in range(_MAX_ROUNDS):
-        ends = others.minimum, others.percentiles[1.0], others.percentiles[99.0], others.maximum
+        ends = others.minimum, *others.inner, others.maximum
         found = find_isolated(values, source, ends, safe_scale(others.minimum, others.maximum))
         if found is None:
             break
         outliers += found[0]
-        others = _statistics(values.dtype, partial(_values_between, chunks, *found[1:]))
+        others = measure(*found[1:])
     if not outliers or np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
         return whole
     return replace(whole, outliers=tuple(sorted(outliers, key=attrgetter("value"))), without_outliers=others)
+
+
+def _measuring(values: Array, source: MappedFile | None) -> Callable[[float, float], Statistics]:
+    """Return a function of a range that returns the statistics of all values in the range, both ends included."""
+    max_outliers = max(1, int(MAX_FRACTION * values.size))
+    if has_narrow_integers(values.dtype):
+        counted = count_values(values, source)
+        return lambda low, high: _statistics_of_counts(counted.between(low, high), max_outliers)
+    chunks = partial(_chunks_of_data, values, source)
+
+    def measure(low: float, high: float) -> Statistics:
+        is_whole = low == -math.inf and high == math.inf
+        inside = chunks if is_whole else partial(_values_between, chunks, low, high)
+        return _statistics(values.dtype, inside, max_outliers)
+
+    return measure
+
+
+def _statistics_of_counts(counted: ValueCounts, max_outliers: int) -> Statistics:
+    """Return the statistics of values that are counted, as `_statistics` does."""
+    bins = np.arange(counted.low, counted.high + 1, dtype=np.float64)
+    ranked = _at_percents(PERCENTILES, counted.num_voxels, counted.at_ranks, max_outliers)
+    return Statistics(counted.low, counted.high, counted.mean(), counted.counts, bins, 1.0, *ranked)
 
 
 def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]:
@@ -99,10 +126,11 @@ def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]
             yield data
 
 
-def _statistics(dtype: np.dtype[np.generic], chunks: Chunks) -> Statistics:
+def _statistics(dtype: np.dtype[np.generic], chunks: Chunks, max_outliers: int) -> Statistics:
     """Return the statistics of all values, without a search for outliers.
 
-    chunks: a function that begins a pass over all values, in chunks.
+    chunks: a function that begins a pass over all values, in chunks. max_outliers: the largest number of outliers at
+        each end of the range.
     """
     minimum, maximum, size = _extent(chunks)
     scale = np.float64(safe_scale(minimum, maximum))
@@ -123,8 +151,9 @@ def _statistics(dtype: np.dtype[np.generic], chunks: Chunks) -> Statistics:
         if not is_counted:  # the single bin of a constant volume has the index 0
             index = ((chunk * scale - low) / (extent / MAX_BINS or 1.0)).astype(np.int64)
             counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
-    percentiles = _values_at(PERCENTILES, size, key_counts, ordered_keys, chunks)
-    return Statistics(minimum, maximum, total / size / scale, counts, bins, width, percentiles)
+    at_ranks = partial(values_at_ranks, counts=key_counts, ordered_keys=ordered_keys, chunks=chunks)
+    ranked = _at_percents(PERCENTILES, size, at_ranks, max_outliers)
+    return Statistics(minimum, maximum, total / size / scale, counts, bins, width, *ranked)
 
 
 def exact_percentiles(
@@ -135,13 +164,17 @@ def exact_percentiles(
     values: any shape, C-contiguous, finite except NaN where there are no data. source: the file that the values are
     mapped from, if any. Raises InputError if that file has changed.
     """
+    if has_narrow_integers(values.dtype):
+        counted = count_values(values, source)
+        return _at_percents(percents, counted.num_voxels, counted.at_ranks)[0]
     chunks = partial(_chunks_of_data, values, source)
     minimum, maximum, size = _extent(chunks)
     ordered_keys = make_ordered_keys(values.dtype, minimum, maximum)
     counts = np.zeros(ordered_keys.num, np.int64)
     for chunk in chunks():
         counts += ordered_keys.count(chunk)
-    return _values_at(percents, size, counts, ordered_keys, chunks)
+    at_ranks = partial(values_at_ranks, counts=counts, ordered_keys=ordered_keys, chunks=chunks)
+    return _at_percents(percents, size, at_ranks)[0]
 
 
 def _extent(chunks: Chunks) -> tuple[int | float, int | float, int]:
@@ -150,12 +183,21 @@ def _extent(chunks: Chunks) -> tuple[int | float, int | float, int]:
     return min(low for low, _, _ in ends), max(high for _, high, _ in ends), sum(num for _, _, num in ends)
 
 
-def _values_at(
-    percents: Sequence[float], size: int, counts: Int64, ordered_keys: OrderedKeys, chunks: Chunks
-) -> dict[float, int | float]:
+def _at_percents(
+    percents: Sequence[float],
+    size: int,
+    at_ranks: Callable[[Sequence[int]], Mapping[int, int | float]],
+    max_outliers: int = 0,
+) -> tuple[dict[float, int | float], tuple[int | float, int | float]]:
+    """Return the values at some percentages, and `Statistics.inner`.
+
+    size: the number of voxels. at_ranks: returns the value of each rank; the smallest value has the rank 0.
+    """
     ranks = {percent: max(math.ceil(percent * size / 100), 1) - 1 for percent in percents}
-    found = values_at_ranks([*ranks.values()], counts, ordered_keys, chunks)
-    return {percent: found[rank] for percent, rank in ranks.items()}
+    first = min(max_outliers, size - 1, *ranks.values())
+    last = max(size - 1 - max_outliers, *ranks.values())
+    found = at_ranks([*ranks.values(), first, last])
+    return {percent: found[rank] for percent, rank in ranks.items()}, (found[first], found[last])
 
 
 def _values_between(chunks: Chunks, low: float, high: float) -> Iterator[Array]:

@@ -8,10 +8,11 @@ from itertools import product
 
 import numpy as np
 
-from renderer.volume import Array, Bools, Int64, MappedFile, iter_slabs
+from renderer.statistics.slabs import map_slabs
+from renderer.volume import Array, Bools, Int64, MappedFile
 
 # At most this share of all voxels may be outliers at each end of the range. A larger share is no noise.
-_MAX_FRACTION = 1e-3
+MAX_FRACTION = 1e-3
 # The highest values of a volume, or the lowest, are outliers only if at least this share of the voxels with such values
 # are isolated. The share is less than 1 because, of many hot or dead pixels, some touch.
 _MIN_ISOLATED = 0.95
@@ -22,8 +23,6 @@ _MIN_DISTANCE = 2.0
 # Voxels of a volume in which a voxel has fewer neighbours than this are never isolated: neighbours along a single line
 # are too few to tell.
 _MIN_NEIGHBOURS = 8
-# The number of voxels that are read at a time in the search for isolated voxels.
-_CHUNK = 2**20
 
 
 @dataclass(frozen=True)
@@ -45,29 +44,25 @@ def find_isolated(
     """Return the values of isolated voxels, and the range of all other values; None if no voxel is isolated.
 
     values: C-contiguous. source: the file that the values are mapped from, if any. ends: the minimum, the lowest and
-    the highest usual value, and the maximum; only voxels below or above the usual values may be isolated. scale: a
-    power of two by which values are multiplied, so that differences stay finite.
+    the highest usual value, and the maximum; only voxels below or above the usual values may be isolated, at most the
+    share MAX_FRACTION at each end. scale: a power of two by which values are multiplied, so that differences stay
+    finite.
     """
     minimum, *usual, maximum = ends
-    cube, first = values.reshape(-1, *(1, 1, *values.shape)[-2:]), 0
-    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # voxels kept at each end; the last one is no outlier
-    beyond = [(np.empty(0, values.dtype), np.empty(0, bool))] * 2
-    for slab in iter_slabs(cube, source, values.itemsize * _CHUNK):
-        is_within = (slab >= minimum) & (slab <= maximum)
-        for k, is_beyond in enumerate((slab < usual[0], slab > usual[1])):
-            z, y, x = np.nonzero(is_beyond & is_within)
-            if z.size:
-                are_isolated = _are_isolated(cube, np.stack([z + first, y, x]), ends, scale)
-                far = np.append(beyond[k][0], slab[z, y, x])
-                are_isolated = np.append(beyond[k][1], are_isolated)
-                # Voxels are sorted from the end of the range inwards; among equal values, isolated voxels come last.
-                order = np.lexsort((are_isolated ^ bool(k), far))[:: -1 if k else 1][:limit]
-                beyond[k] = far[order], are_isolated[order]
-        first += len(slab)
+    cube = values.reshape(-1, *(1, 1, *values.shape)[-2:])
+
+    def find(first: int, slab: Array) -> list[tuple[Array, Bools]]:
+        """Return the values beyond each end of the usual ones, and whether their voxels are isolated."""
+        are_beyond = (slab >= minimum) & (slab < usual[0]), (slab > usual[1]) & (slab <= maximum)
+        places = [np.unravel_index(np.flatnonzero(each), slab.shape) for each in are_beyond]
+        return [(slab[z, y, x], _are_isolated(cube, np.stack([z + first, y, x]), ends, scale)) for z, y, x in places]
+
+    found = map_slabs(find, cube, source)
     outliers, others = list[OutlierValue](), usual
-    for k, (far, are_isolated) in enumerate(beyond):
+    for k in range(2):
+        far, are_isolated = _sorted_inwards([slab[k] for slab in found], is_descending=k == 1)
         is_last = are_isolated & (np.cumsum(are_isolated) >= _MIN_ISOLATED * np.arange(1, len(far) + 1))
-        num = int(np.flatnonzero(is_last[: limit - 1]).max(initial=-1)) + 1
+        num = int(np.flatnonzero(is_last).max(initial=-1)) + 1
         if num < len(far):
             others[k] = far[num].item()
         if num:
@@ -75,11 +70,23 @@ def find_isolated(
     return (tuple(outliers), others[0], others[1]) if outliers and others[0] < others[1] else None
 
 
+def _sorted_inwards(of_slabs: Sequence[tuple[Array, Bools]], *, is_descending: bool) -> tuple[Array, Bools]:
+    """Return values, and whether their voxels are isolated, from the end of the range inwards.
+
+    Among equal values, isolated voxels come last. of_slabs: the values of each slab, and whether they are isolated.
+    """
+    far, are_isolated = map(np.concatenate, zip(*of_slabs, strict=True))
+    order = np.lexsort((are_isolated ^ is_descending, far))[:: -1 if is_descending else 1]
+    return far[order], are_isolated[order]
+
+
 def _are_isolated(cube: Array, places: Int64, ends: Sequence[float], scale: float) -> Bools:
     """Return which voxels have values far from all of their neighbours' values, or from all but one, bool [n].
 
     places: the indices of the voxels, [3, n].
     """
+    if not places.size:
+        return np.zeros(0, bool)
     steps = [step for step in product(*((-1, 0, 1) if num > 1 else (0,) for num in cube.shape)) if any(step)]
     if len(steps) < _MIN_NEIGHBOURS:
         return np.zeros(places.shape[1], bool)

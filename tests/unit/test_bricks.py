@@ -259,6 +259,22 @@ def test_step_errors_of_the_largest_and_the_smallest_errors(size: float) -> None
         np.testing.assert_allclose(level.step_errors / size, other.step_errors, rtol=1e-5)
 
 
+@pytest.mark.parametrize("shape", [(1, 1, 1), (2, 40, 2), (20, 1, 33), (37, 50, 61)])
+@pytest.mark.parametrize("dtype", ["uint8", "int8", "uint16", "int16"])
+def test_bricks_do_not_depend_on_the_type_of_integers(dtype: str, shape: Shape) -> None:
+    """Narrow integers are measured by their bit patterns, and int32 by its scalars."""
+    low, high = limits(dtype)
+    values = np.rint(patches(shape, 5) * 250 + np.random.default_rng(5).integers(-3, 4, shape)).clip(low, high)
+    peak = hills((-20, 0), (20, 0.1), (70, 0), (70.5, 1), (71, 0), (100, 0), (120, 0.5))
+    narrow, wide = (make_volume(values.astype(each), OBLIQUE, "same") for each in (dtype, "int32"))
+    for error in (ErrorSpec(), ErrorSpec(measure="rms", of="scalar")):
+        one, other = (make_bricks(each, peak, spec=PyramidSpec(), error=error) for each in (narrow, wide))
+        for level, of_wide in zip(one.levels, other.levels, strict=True):
+            np.testing.assert_array_equal(level.visible_bounds, of_wide.visible_bounds)
+            np.testing.assert_allclose(level.errors, of_wide.errors, rtol=HALF_RTOL)
+            np.testing.assert_allclose(level.step_errors, of_wide.step_errors, rtol=HALF_RTOL)
+
+
 def test_a_transparent_volume_has_empty_bricks() -> None:
     volume = make_volume(np.full((20, 40, 33), 7, np.int16), OBLIQUE, "clear")
     bricks = bricks_of(volume, SOFT)

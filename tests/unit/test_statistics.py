@@ -67,3 +67,14 @@ def test_rebin_keeps_every_voxel_in_its_place(numbers, num_bins):
     assert len(counts) <= num_bins
     assert len(edges) == len(counts) + 1
     np.testing.assert_array_equal(counts, np.histogram(values, edges)[0])
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int8", "uint16", "int16"])
+def test_counts_of_narrow_integers_in_several_slabs(dtype, monkeypatch):
+    """Every slab counts, and slabs whose number of voxels is no multiple of any table's number."""
+    monkeypatch.setattr("renderer.statistics.slabs._SLAB_BYTES", 1001)
+    ends = np.iinfo(dtype)
+    values = np.random.default_rng(2).integers(max(ends.min, -300), min(ends.max, 300), (7, 11, 13)).astype(dtype)
+    assert_as_numpy_has_it(values)
+    statistics = compute_statistics(values)
+    np.testing.assert_array_equal(statistics.counts, np.bincount(values.ravel().astype(int) - int(values.min())))

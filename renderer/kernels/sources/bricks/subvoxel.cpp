@@ -56,6 +56,7 @@
 #include "base/stopping.h"
 #include "transfer/transfer.h"
 #include "bricks/absent.h"
+#include "bricks/dual_cells.h"
 
 namespace {
 
@@ -94,88 +95,6 @@ struct Curve {
 
     INLINE bool is_flat(int64_t segment) const { return !any_of(mask_of(load<Channels>(&rows(segment, 6), 0) != 0.0)); }
 };
-
-// The dual cells of a brick. Dual cell k along an axis lies between the centres of the cells k - 1 and k.
-struct DualCells {
-    // The smallest scalar at the corners of each dual cell.
-    Field low;
-    // The largest scalar at the corners of each dual cell.
-    Field high;
-    // The number of voxels of the brick along z, y, x; there is one dual cell more along each axis.
-    int64_t nums[3];
-
-    template <class Function>
-    INLINE void for_places(Function function) const {
-        for (int64_t z = 0; z <= nums[0]; z++)
-            for (int64_t y = 0; y <= nums[1]; y++)
-                for (int64_t x = 0; x <= nums[2]; x++) function(z, y, x);
-    }
-
-    template <class Function>
-    INLINE void for_each(Function function) const {
-        for_places([&](int64_t z, int64_t y, int64_t x) { function(z, y, x, Range{low(z, y, x), high(z, y, x)}); });
-    }
-
-    // Return the share of a dual cell that lies in the brick.
-    INLINE double share(int64_t z, int64_t y, int64_t x) const {
-        auto along = [](int64_t at, int64_t num) { return at == 0 || at == num ? 0.5 : 1.0; };
-        return along(z, nums[0]) * along(y, nums[1]) * along(x, nums[2]);
-    }
-
-    double size() const { return (double)(nums[0] * nums[1] * nums[2]); }
-};
-
-// Turn scalars at voxel centres, in `cells.low`, into the smallest and largest scalar of each dual cell. NaN have no
-// effect.
-void to_ranges(const DualCells& cells) {
-    auto [low, high, nums] = cells;
-    for (int64_t z = 0; z < nums[0] + 2; z++)
-        for (int64_t y = 0; y < nums[1] + 2; y++) {
-            double *lows = &low(z, y, 0), *highs = &high(z, y, 0);
-            for (int64_t x = 0; x < nums[2] + 1; x++) {
-                double here = lows[x], there = lows[x + 1];
-                lows[x] = least(least(INFINITE, here), there);
-                highs[x] = most(most(-INFINITE, here), there);
-            }
-        }
-    for (int axis = 1; axis >= 0; axis--)
-        for (int64_t z = 0; z < nums[0] + 1 + axis; z++)
-            for (int64_t y = 0; y < nums[1] + 1; y++) {
-                int64_t next_z = z + (axis == 0), next_y = y + (axis == 1);
-                double *lows = &low(z, y, 0), *highs = &high(z, y, 0);
-                const double *next_lows = &low(next_z, next_y, 0), *next_highs = &high(next_z, next_y, 0);
-                for (int64_t x = 0; x < nums[2] + 1; x++) {
-                    lows[x] = least(lows[x], next_lows[x]);
-                    highs[x] = most(highs[x], next_highs[x]);
-                }
-            }
-}
-
-// Write the lowest and the highest corner (x, y, z) of the visible dual cells to `bounds` [2, 3]. At least one is
-// visible.
-void find_visible_bounds(const DualCells& cells, const Array<const double, 1>& breakpoints,
-                         const Array<float, 2>& bounds) {
-    int64_t lowest[3] = {BRICK_SIZE, BRICK_SIZE, BRICK_SIZE}, highest[3] = {};
-    for (int64_t z = 0; z <= cells.nums[0]; z++)
-        for (int64_t y = 0; y <= cells.nums[1]; y++) {
-            auto is_visible = [&](int64_t x) {
-                Range range = {cells.low(z, y, x), cells.high(z, y, x)};
-                return range.low <= range.high && is_range_visible(breakpoints, range.low, range.high);
-            };
-            // Search from both ends of the row, and only outside the bounds found so far.
-            bool is_between = lowest[2] <= z && z <= highest[2] && lowest[1] <= y && y <= highest[1];
-            int64_t first = 0, end = cells.nums[2] + 1;
-            while (first < (is_between ? lowest[0] : end) && !is_visible(first)) first++;
-            while (end > (is_between ? highest[0] + 1 : first) && !is_visible(end - 1)) end--;
-            const int64_t low[3] = {first, y, z}, high[3] = {end - 1, y, z};
-            for (int axis = 0; axis < 3 && first < end; axis++)
-                lowest[axis] = least(lowest[axis], low[axis]), highest[axis] = most(highest[axis], high[axis]);
-        }
-    for (int axis = 0; axis < 3; axis++) {
-        bounds(0, axis) = (float)most((double)lowest[axis] - 0.5, 0.0);
-        bounds(1, axis) = (float)least((double)highest[axis] + 0.5, (double)cells.nums[2 - axis]);
-    }
-}
 
 // Return |w|^2, the sum of the squared channels.
 INLINE double squared_length(Channels w) {
@@ -222,31 +141,62 @@ struct Variation {
     double differences;
 };
 
-Variation variation(const DualCells& cells, const Curve& curve) {
-    double largest = 0, total = 0, total_difference = 0;
+// What a dual cell that lies wholly in the brick adds to its variation, by its range of scalars.
+struct Terms {
+    // The larger one of D^2 and J^2, as at the head of this file.
+    double largest;
+    // D^2 / width^4, as at the head of this file.
+    double steps;
+    // J^2, as at the head of this file.
+    double differences;
+};
+
+// The terms of dual cells as a function of the range of scalars at their corners.
+class TermsByScalar {
+    // The transfer function.
+    const Curve curve;
+    // The number of control values at or below the lowest scalar of the dual cell before this one.
     int64_t first = 0;
-    Range flat = {INFINITE, -INFINITE};  // the scalars of the last segment that was found to be constant
-    cells.for_each([&](int64_t z, int64_t y, int64_t x, Range range) {
-        Range scaled = {curve.scale * range.low, curve.scale * range.high};
-        if (!(scaled.low < scaled.high) || (flat.low <= scaled.low && scaled.high < flat.high)) return;
+    // The scaled scalars of the last segment that was found to be constant.
+    Range flat = {INFINITE, -INFINITE};
+
+  public:
+    explicit TermsByScalar(const Curve& of) : curve(of) {}
+
+    INLINE Terms operator()(double low, double high) {
+        Range scaled = {curve.scale * low, curve.scale * high};
+        if (!(scaled.low < scaled.high) || (flat.low <= scaled.low && scaled.high < flat.high)) return {};
         first = curve.num_at_or_below(scaled.low, first);
         int64_t last = curve.num_at_or_below(scaled.high, first);
         if (last == first && curve.is_flat(first)) {
             bool is_last = first == curve.rows.shape[0] - 1;
             flat = {first > 0 ? curve.value(first - 1) : -INFINITE, is_last ? INFINITE : curve.value(first)};
-            return;
+            return {};
         }
-        double part = cells.share(z, y, x);
         Channels w0 = curve(first, scaled.low), w1 = curve(last, scaled.high);
-        if (last > first) {
-            auto [square, width] = distance(curve, scaled, first, last, w0, w1);
-            largest = most(largest, square);
-            total += part * square / (width * width);
-        }
+        Distance found = last > first ? distance(curve, scaled, first, last, w0, w1) : Distance{0, 1};
         double square = squared_length(w1 - w0) * (DIFFERENCE_ERROR_SHARE * DIFFERENCE_ERROR_SHARE);
-        largest = most(largest, square);
-        total_difference += part * square;
-    });
+        return {most(found.square, square), found.square / (found.squared_width * found.squared_width), square};
+    }
+};
+
+// Return the variation in a brick. terms(low, high): returns the Terms of a dual cell, by its range of values.
+template <class T, class TermsOf>
+INLINE Variation variation(const DualCells<T>& cells, TermsOf& terms) {
+    double largest = 0, total = 0, total_difference = 0;
+    for (int64_t z = 0; z <= cells.nums[0]; z++)
+        for (int64_t y = 0; y <= cells.nums[1]; y++) {
+            const T *low = &cells.low(z, y, 0), *high = &cells.high(z, y, 0);
+            double of_row = cells.share_along(0, z) * cells.share_along(1, y);
+            auto add = [&](int64_t x, double part) __attribute__((always_inline)) {
+                const Terms found = terms(low[x], high[x]);
+                largest = most(largest, found.largest);
+                total += part * found.steps, total_difference += part * found.differences;
+            };
+            add(0, 0.5 * of_row);
+            for (int64_t x = 1; x < cells.nums[2]; x++) add(x, of_row);
+            add(cells.nums[2], 0.5 * of_row);
+        }
     return {__builtin_sqrt(largest), __builtin_sqrt(total / cells.size()),
             __builtin_sqrt(total_difference / cells.size())};
 }
@@ -254,10 +204,11 @@ Variation variation(const DualCells& cells, const Curve& curve) {
 // Add the steps between shown voxels and hidden or missing ones to the variation of a brick. is_shown(z, y, x): tells
 // whether a voxel at a corner of dual cells is shown.
 template <class IsShown>
-Variation with_edges(const Variation& found, const DualCells& cells, const Curve& curve, const IsShown& is_shown) {
+Variation with_edges(const Variation& found, const DualCells<double>& cells, const Curve& curve,
+                     const IsShown& is_shown) {
     double largest = squared(found.largest), total = 0;
-    cells.for_each([&](int64_t z, int64_t y, int64_t x, Range range) {
-        Range scaled = {curve.scale * range.low, curve.scale * range.high};
+    cells.for_each([&](int64_t z, int64_t y, int64_t x, double low, double high) {
+        Range scaled = {curve.scale * low, curve.scale * high};
         int num_shown = 0;
         for (int k = 0; k < 8; k++) num_shown += is_shown(z + (k >> 2), y + (k >> 1 & 1), x + (k & 1));
         if (!(scaled.low <= scaled.high && 0 < num_shown && num_shown < 8)) return;
@@ -272,7 +223,7 @@ Variation with_edges(const Variation& found, const DualCells& cells, const Curve
 // Measure only J, defined at the head of this file, from the largest difference in each channel. differs(z, y, x):
 // tells whether the channels w may differ between the corners of a dual cell. w_at(z, y, x): returns w at a corner.
 template <class Differs, class Corner>
-Variation differences(const DualCells& cells, const Differs& differs, const Corner& w_at) {
+Variation differences(const DualCells<double>& cells, const Differs& differs, const Corner& w_at) {
     double largest = 0, total = 0;
     cells.for_places([&](int64_t z, int64_t y, int64_t x) {
         if (!differs(z, y, x)) return;
@@ -285,6 +236,122 @@ Variation differences(const DualCells& cells, const Differs& differs, const Corn
         largest = most(largest, square), total += cells.share(z, y, x) * square;
     });
     return {__builtin_sqrt(largest), 0, __builtin_sqrt(total / cells.size())};
+}
+
+// The terms of dual cells as a function of the range of bit patterns at their corners.
+//
+// Many dual cells of bytes have the same range, so their terms are kept in a table. Wider patterns have too many ranges.
+template <class T>
+class TermsByPattern {
+    struct Kept {
+        // The terms of the range.
+        Terms terms;
+        // Whether the terms have been computed.
+        bool are_known;
+    };
+    static constexpr bool IS_KEPT = sizeof(T) == 1;
+    // The terms that are not in the table.
+    TermsByScalar by_scalar;
+    // The scalar of each pattern, in ascending order.
+    const double* scalars;
+    // The terms by the lowest and the highest pattern of a range.
+    Buffer<Kept> table;
+
+  public:
+    // ordered: the scalars of patterns, in ascending order.
+    TermsByPattern(const Curve& curve, const double* ordered)
+        : by_scalar(curve), scalars(ordered), table(IS_KEPT ? 1 << 16 : 1) {}
+
+    // Return false if there was no memory for the table.
+    explicit operator bool() const { return (bool)table; }
+
+    INLINE Terms operator()(T low, T high) {
+        if constexpr (!IS_KEPT) return by_scalar(scalars[low], scalars[high]);
+        else {
+            Kept& kept = table[low | high << 8];
+            if (!kept.are_known) kept = {by_scalar(scalars[low], scalars[high]), true};
+            return kept.terms;
+        }
+    }
+};
+
+// The order of the bit patterns of voxels of at most 16 bits, by which patterns can be compared in place of scalars.
+template <class T>
+struct PatternOrder {
+    // The number of patterns.
+    static constexpr int64_t NUM = 1 << 8 * sizeof(T);
+    // The bits that are inverted, so that patterns ascend as their scalars do: the highest bit of signed integers.
+    T flip;
+    // The scalar of each pattern, in ascending order.
+    Buffer<double> scalars;
+
+    explicit PatternOrder(const Array<const double, 1>& by_pattern, T inverted) : flip(inverted), scalars(NUM) {
+        if (scalars)
+            for (int64_t pattern = 0; pattern < NUM; pattern++) scalars[pattern ^ flip] = by_pattern[pattern];
+    }
+
+    bool is_ascending() const {
+        bool ascends = true;
+        for (int64_t k = 1; k < NUM; k++) ascends &= scalars[k - 1] < scalars[k];
+        return ascends;
+    }
+};
+
+// Measure bricks as `measure_voxel_bricks` does, by the patterns of voxels, all of which have data and are shown.
+template <class T>
+Status measure_patterns(const MeasureVoxelBricks& arguments, const PatternOrder<T>& order) {
+    const auto& [voxels, cells, breakpoints, table, shown, are_lit, texels, bounds, measures] = arguments;
+    constexpr int64_t size = PADDED_BRICK_SIZE;
+    Buffer<T> low(size * size * size), high(size * size * size);
+    Curve curve = {table.rows, table.scale};
+    TermsByPattern<T> terms(curve, order.scalars.data);
+    if (!low || !high || !terms) return NO_MEMORY;
+    Array<const T, 3> raw = {(const T*)voxels.raw.data, {}};
+    for (int axis = 0; axis < 3; axis++) raw.shape[axis] = voxels.raw.shape[axis];
+    auto is_flat_between = [&](double from, double to) {
+        int64_t segment = curve.num_at_or_below(curve.scale * from, 0);
+        return curve.is_flat(segment) && curve.num_at_or_below(curve.scale * to, segment) == segment;
+    };
+    auto may_show = [&](T from, T to) { return is_range_visible(breakpoints, order.scalars[from], order.scalars[to]); };
+    for (int64_t i = 0; i < cells.shape[0]; i++) {
+        if (is_stopped()) return STOPPED;
+        int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
+        const int64_t first[3] = {BRICK_SIZE * x - HALO, BRICK_SIZE * y - HALO, BRICK_SIZE * z - HALO};
+        load_values(raw, box_of(voxels.raw), first, size, low.data, [](T pattern) { return pattern; });
+        if (order.flip)
+            for (int64_t k = 0; k < size * size * size; k++) low.data[k] ^= order.flip;
+        T lowest = TOP<T>, highest = BOTTOM<T>;
+        for (int64_t k = 0; k < size * size * size; k++)
+            lowest = least(lowest, low.data[k]), highest = most(highest, low.data[k]);
+        bool is_varying = lowest < highest && !is_flat_between(order.scalars[lowest], order.scalars[highest]);
+        bool is_visible = may_show(lowest, highest);
+        if (!is_varying && !is_visible) continue;
+        DualCells<T> of_brick = {{low.data, {size, size, size}}, {high.data, {size, size, size}}, {}};
+        for (int axis = 0; axis < 3; axis++)
+            of_brick.nums[axis] = least(raw.shape[axis] - BRICK_SIZE * cells(i, 2 - axis), BRICK_SIZE);
+        to_ranges(of_brick);
+        if (is_visible) find_visible_bounds(of_brick, may_show, bounds[z][y][x]);
+        if (!is_varying) continue;
+        Variation found = variation(of_brick, terms);
+        measures(0, z, y, x) = found.largest;
+        measures(1, z, y, x) = found.steps;
+        measures(2, z, y, x) = found.differences;
+    }
+    return DONE;
+}
+
+// Measure bricks by the patterns of voxels, and return true, if patterns can be put in the order of their scalars.
+// status: the result of the measurement.
+template <class T>
+bool measure_if_ordered(const MeasureVoxelBricks& arguments, Status& status) {
+    constexpr T sign = 1 << (8 * sizeof(T) - 1);
+    for (T flip : (const T[]){0, sign}) {
+        PatternOrder<T> order(arguments.voxels.scalars.value, flip);
+        if (order.scalars && !order.is_ascending()) continue;
+        status = order.scalars ? measure_patterns(arguments, order) : NO_MEMORY;
+        return true;
+    }
+    return false;
 }
 
 }  // namespace
@@ -304,13 +371,18 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         (texels.exists && !has_shape(texels.value, cells.shape[0], size, size, size, 4)) ||
         (shown.exists && !has_shape(shown.value, voxels.raw.shape[0], voxels.raw.shape[1], voxels.raw.shape[2])))
         return OUT_OF_BOUNDS;
+    const bool are_plain = !texels.exists && !shown.exists && !voxels.has_absent && !voxels.is_labels;
+    Status status = DONE;
+    if (are_plain && voxels.raw.dtype == 0 && measure_if_ordered<uint8_t>(*arguments, status)) return status;
+    if (are_plain && voxels.raw.dtype == 2 && measure_if_ordered<uint16_t>(*arguments, status)) return status;
     Cube low(size), high(size), around(size + 2);
     if (!low || !high || !around) return NO_MEMORY;
     Curve curve = {table.rows, table.scale};
+    auto may_show = [&](double low, double high) { return is_range_visible(breakpoints, low, high); };
     for (int64_t i = 0; i < cells.shape[0]; i++) {
         if (is_stopped()) return STOPPED;
         int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
-        DualCells of_brick = {low.field, high.field, {}};
+        DualCells<double> of_brick = {low.field, high.field, {}};
         for (int axis = 0; axis < 3; axis++)
             of_brick.nums[axis] = least(voxels.raw.shape[axis] - BRICK_SIZE * cells(i, 2 - axis), BRICK_SIZE);
         if (texels.exists) {
@@ -333,9 +405,9 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         int64_t first = curve.num_at_or_below(curve.scale * range.low, 0);
         bool is_varying = !is_whole || shown.exists || !curve.is_flat(first) ||
                           curve.num_at_or_below(curve.scale * range.high, first) > first;
-        bool is_visible = is_range_visible(breakpoints, range.low, range.high);
+        bool is_visible = may_show(range.low, range.high);
         if (is_varying || is_visible) to_ranges(of_brick);
-        if (is_visible) find_visible_bounds(of_brick, breakpoints, bounds[z][y][x]);
+        if (is_visible) find_visible_bounds(of_brick, may_show, bounds[z][y][x]);
         if (!is_varying) continue;
         const auto& loaded = around.field;  // the loaded field is one voxel larger than the dual cells on each side
         Variation found;
@@ -344,7 +416,10 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
             auto w_at = [&](int64_t w, int64_t v, int64_t u) { return evaluate(table, loaded(w + 1, v + 1, u + 1)); };
             found = differences(of_brick, differs, w_at);
             found.steps = __builtin_sqrt(1.0 / 12) * EDGE_INVERSE_WIDTH / DIFFERENCE_ERROR_SHARE * found.differences;
-        } else found = variation(of_brick, curve);
+        } else {
+            TermsByScalar terms(curve);
+            found = variation(of_brick, terms);
+        }
         auto is_shown = [&](int64_t w, int64_t v, int64_t u) {
             if (voxels.has_absent && is_nan(loaded(w + 1, v + 1, u + 1))) return false;
             auto voxel = [&](int axis, int64_t at) {

@@ -18,3 +18,12 @@ struct MarkVoxels {
     Array<uint8_t, 3> out;
 };
 KERNEL(mark_voxels, MarkVoxels)
+
+// Count how often each bit pattern occurs among voxels.
+struct CountPatterns {
+    // [z, y, x]: voxels of at most 16 bits, as unsigned bit patterns; fewer than 2^32.
+    AnyArray<3> raw;
+    // [patterns]: the number of voxels of each bit pattern; counts are added to the array.
+    Array<int64_t, 1> counts;
+};
+KERNEL(count_patterns, CountPatterns)

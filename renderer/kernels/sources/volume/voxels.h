@@ -21,6 +21,28 @@ void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& b
 
 namespace {
 
+// Write `convert(voxel)` for side^3 voxels from `first` (x, y, z) on. Beyond the box, the nearest voxel is repeated.
+template <class T, class Out, class Convert>
+INLINE void load_values(const Array<const T, 3>& voxels, const VoxelBox& box, const int64_t* first, int64_t side,
+                        Out* out, Convert convert) {
+    auto nearest = [&](int axis, int64_t number) {
+        return least(most(first[axis] + number, box.first[axis]), box.first[axis] + box.extent[axis] - 1);
+    };
+    // The range of voxels inside the box, along x.
+    int64_t begin = nearest(0, 0) - first[0], end = nearest(0, side - 1) - first[0] + 1;
+    for (int64_t z = 0; z < side; z++)
+        for (int64_t y = 0; y < side; y++, out += side) {
+            const T* row = &voxels(nearest(2, z), nearest(1, y), first[0] + begin) - begin;
+            if (end - begin == side) {  // of a side that the caller fixes, the compiler unrolls this loop
+                for (int64_t x = 0; x < side; x++) out[x] = convert(row[x]);
+                continue;
+            }
+            for (int64_t x = begin; x < end; x++) out[x] = convert(row[x]);
+            for (int64_t x = 0; x < begin; x++) out[x] = out[begin];
+            for (int64_t x = end; x < side; x++) out[x] = out[end - 1];
+        }
+}
+
 // Call `function(x, y, z)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
 template <int64_t SIDE, class Function>
 INLINE void for_voxels(const VoxelBox& box, Function function) {
