@@ -40,11 +40,10 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
                     reporter.status(f"{request.output} is up to date; --force draws it again")
                     films.append(known)
                     continue
-                film = process.make(request)
+                film = process.make(request, gallery.grow)
                 films.append(film)
                 if film.error is not None:
                     reporter.warning(join_lines(film.error.splitlines()))
-                gallery.grow()
     finally:
         remaining = requests[len(films) :]
         rows = [

@@ -48,14 +48,17 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
         """End the process, which is not making a film."""
         self._owned.close()
 
-    def make(self, request: FilmRequest) -> FilmEntry:
-        """Make a film, and return its entry of turntable.json. If the process ends, the entry is on this failure."""
+    def make(self, request: FilmRequest, meanwhile: Callable[[], None]) -> FilmEntry:
+        """Make a film, and return its entry of turntable.json. If the process ends, the entry is on this failure.
+
+        meanwhile: called while the process makes the film.
+        """
         start = time.perf_counter()
         if self._process is None or self._process.poll() is not None:
             self._owned.close()
             self._process, self._connection = self._owned.enter_context(_started(self._arguments))
         try:
-            film = self._ask(request)
+            film = self._ask(request, meanwhile)
         except KeyboardInterrupt:  # the process has not received the signal
             self._process.terminate()
             with suppress(subprocess.TimeoutExpired):
@@ -75,13 +78,14 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
         manifest.try_to_update(self._folder, [failure], self._reporter)
         return failure
 
-    def _ask(self, request: FilmRequest) -> FilmEntry | None:
+    def _ask(self, request: FilmRequest, meanwhile: Callable[[], None]) -> FilmEntry | None:
         """Return the entry of a film that the process has made; None if the process ended before its answer."""
         asked, answer = json.dumps([request.scene.stem, str(volume_file(request.volume))]), b""
         with suppress(OSError):  # the process is gone
             self._connection.sendall(f"{asked}\n".encode())
-            with self._connection.makefile("rb") as lines:
-                answer = lines.readline()
+        meanwhile()
+        with suppress(OSError), self._connection.makefile("rb") as lines:
+            answer = lines.readline()
         return types.read_record(FILM_ENTRY, json.loads(answer)) if answer.endswith(b"\n") else None
 
 

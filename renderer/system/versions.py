@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import platform
@@ -32,10 +33,15 @@ def package_versions(*more: str) -> dict[str, str]:
 
 def _version(package: str) -> str:
     try:
-        return metadata.version(package)
+        return _installed_version(package)
     except metadata.PackageNotFoundError:
         is_known = package == "hsplat" and (sources := commit()) != "unknown"
         return f"commit {sources}" if is_known else "not installed"
+
+
+@functools.cache  # a package's metadata take milliseconds to parse, and each film records the versions
+def _installed_version(package: str) -> str:
+    return metadata.version(package)
 
 
 def commit() -> str:

@@ -152,7 +152,7 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     assert turntable(*command) == 0
     table = capfd.readouterr().out
 
-    def start(_: object, request: FilmRequest) -> FilmEntry:
+    def start(_: object, request: FilmRequest, *__: object) -> FilmEntry:
         started.append(str(request.volume.source.file))
         return replace(request.entry("failed"), error="not drawn")
 

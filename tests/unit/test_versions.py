@@ -21,7 +21,7 @@ def uninstalled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             raise metadata.PackageNotFoundError(package)
         return "1.2"
 
-    monkeypatch.setattr(metadata, "version", version)
+    monkeypatch.setattr("renderer.system.versions._installed_version", version)
     monkeypatch.setattr("renderer.system.versions._ROOT", tmp_path)
     return tmp_path
 
@@ -47,7 +47,7 @@ def test_versions_are_those_of_packages(monkeypatch: pytest.MonkeyPatch) -> None
     assert found["numpy"] == np.__version__
     assert "scipy" in found
     assert found["no-such-package"] == "not installed"
-    monkeypatch.setattr(metadata, "version", lambda package: "1.2")
+    monkeypatch.setattr("renderer.system.versions._installed_version", lambda package: "1.2")
     assert package_versions()["hsplat"] == "1.2"
 
 
