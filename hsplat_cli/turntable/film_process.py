@@ -86,7 +86,11 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
         meanwhile()
         with suppress(OSError), self._connection.makefile("rb") as lines:
             answer = lines.readline()
-        return types.read_record(FILM_ENTRY, json.loads(answer)) if answer.endswith(b"\n") else None
+        if not answer.endswith(b"\n"):
+            return None
+        film = types.read_record(FILM_ENTRY, json.loads(answer))
+        assert film is not None, answer
+        return film
 
 
 @contextmanager
