@@ -22,7 +22,7 @@ from hsplat_cli.scenes import (
     volume_spec,
 )
 from hsplat_cli.terminal import OutputPath, Reporter
-from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_harmless, run_batch
+from hsplat_cli.turntable import FilmRequest, Gallery, make_film, make_requested_films, require_harmless, run_batch
 from renderer.errors import InputError
 from renderer.scene import FORMATS
 from renderer.suggest import FilmOptions
@@ -57,7 +57,7 @@ from renderer.suggest import FilmOptions
 @executor_options
 @click.option("--force", is_flag=True, help="Draw again, and overwrite scenes that were edited.")
 @quiet_option(help="Print only the table and errors.")
-@click.option("--name", hidden=True, help="The name of the only volume's film; set by a batch for its processes.")
+@click.option("--connection", type=int, hidden=True, help="The socket by which a batch asks its process for films.")
 def turntable(
     *,
     volumes: tuple[str, ...],
@@ -70,7 +70,7 @@ def turntable(
     executor: ExecutorSpec,
     force: bool,
     reporter: Reporter,
-    name: str | None,
+    connection: int | None,
 ) -> None:
     """Render turntables of volumes without a scene file.
 
@@ -93,12 +93,11 @@ def turntable(
     if shared is not None:
         film = FilmOptions(shared.scene.num_frames)
     arguments = [*_as_arguments(_given() | chosen | {"force": force}), f"--output={folder}"]
-    named = _named_volumes(volumes, name, reporter)
-    how = [*_as_arguments({"quiet": reporter.is_quiet, **asdict(executor)})]
-    problems = {volume: list[InputError]() for volume in named.values()}
-    requests = [
-        FilmRequest(
-            volume=volume_spec(volume, reading, problems[volume]),
+
+    def request_of(film_name: str, volume: Path) -> FilmRequest:
+        problems = list[InputError]()
+        return FilmRequest(
+            volume=volume_spec(volume, reading, problems),
             film=film,
             scene=folder / f"{film_name}.yaml",
             output=shared.outputs(folder, film_name).file if shared else folder / f"{film_name}{numbered}.{kind}",
@@ -106,15 +105,17 @@ def turntable(
             force=force,
             command=shlex.join(["hsplat", "turntable", *arguments, "--", str(volume)]),
             look=shared,
-            problem=next(iter(problems[volume]), None),
+            problem=next(iter(problems), None),
         )
-        for film_name, volume in named.items()
-    ]
+
+    if connection is not None:
+        make_requested_films(connection, request_of, reporter)
+        return
+    requests = [request_of(film_name, volume) for film_name, volume in _named_volumes(volumes, reporter).items()]
     require_harmless(requests)
-    if name is not None:
-        print_film_record(requests[0], reporter)
-    elif len(requests) > 1:
-        run_batch(requests, [*arguments, *how], folder, reporter)
+    if len(requests) > 1:
+        how = _as_arguments({"quiet": reporter.is_quiet, **asdict(executor)})
+        run_batch(requests, [*arguments, *how, "--", *volumes], folder, reporter)
     else:
         make_film(requests[0], reporter)
         Gallery(folder, reporter).finish()
@@ -149,9 +150,7 @@ def _as_arguments(options: Mapping[str, object]) -> Iterator[str]:
             yield f"{flag}={','.join(map(str, value)) if isinstance(value, tuple) else value}"
 
 
-def _named_volumes(volumes: tuple[str, ...], name: str | None, reporter: Reporter) -> dict[str, Path]:
-    if name is not None:
-        return {name: Path(volumes[0])}
+def _named_volumes(volumes: tuple[str, ...], reporter: Reporter) -> dict[str, Path]:
     found, notes = expand_volumes(volumes)
     if not found:
         raise InputError("there is nothing to render", where="hsplat turntable", got=", ".join(volumes))

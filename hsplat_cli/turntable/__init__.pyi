@@ -1,7 +1,8 @@
 from .batch import run_batch as run_batch
+from .film_process import make_requested_films as make_requested_films
 from .film_request import FilmRequest as FilmRequest, require_harmless as require_harmless
 from .gallery import Gallery as Gallery
-from .one_film import make_film as make_film, print_film_record as print_film_record
+from .one_film import make_film as make_film
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.

@@ -24,7 +24,7 @@ from renderer.film import (
     write_staged,
 )
 from renderer.job import FilmJob, expand_pattern
-from renderer.record import file_states, record_to_json
+from renderer.record import file_states
 from renderer.scene import (
     ColormapSpec,
     FilmScene,
@@ -225,12 +225,3 @@ def _volume_of_unedited(content: bytes) -> str | None:
     before, mark, digest = content.rpartition(b": ")
     is_unedited = bytes_digest(before + mark).encode() + b"\n" == digest
     return json.loads(before[before.rindex(_MARK) + len(_MARK) - 1 :]) if is_unedited and _MARK in before else None
-
-
-def print_film_record(request: FilmRequest, reporter: Reporter) -> None:
-    """Make the film on behalf of a batch, and print its entry as a last line of JSON, also if the film failed."""
-    try:
-        record = make_film(request, reporter)
-    except HsplatError as error:
-        record = request.failure(error)
-    reporter.result(json.dumps(record_to_json(record)))

@@ -26,6 +26,23 @@ from renderer.system import ChildProcesses
 
 pytestmark = pytest.mark.usefixtures("heeds_interrupts")
 
+# The program of a process that makes films; a volume of the name `signed` kills it.
+DEADLY = """
+import os, pkgutil, signal
+from pytest import MonkeyPatch
+from hsplat_cli.main import main
+
+READER = "renderer.readers.numpy_arrays:read_npy"
+read_npy = pkgutil.resolve_name(READER)
+
+def read_or_die(path, *arguments):
+    if path.stem == "signed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return read_npy(path, *arguments)
+
+MonkeyPatch().setattr(READER.replace(":", "."), read_or_die)
+main()
+"""
 SMALL = ["--frames", "3", "--size", "32", "--quiet"]
 
 
@@ -135,14 +152,14 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     assert turntable(*command) == 0
     table = capfd.readouterr().out
 
-    def start(request: FilmRequest, *_: object) -> FilmEntry:
+    def start(_: object, request: FilmRequest, *__: object) -> FilmEntry:
         started.append(str(request.volume.source.file))
         return replace(request.entry("failed"), error="not drawn")
 
     def needs(*more: str) -> list[str]:
         started.clear()
         with monkeypatch.context() as patch:
-            patch.setattr("hsplat_cli.turntable.batch._make_in_process", start)
+            patch.setattr("hsplat_cli.turntable.film_process.FilmProcess.make", start)
             assert turntable(*command, *more) == bool(started)
         return [*started]
 
@@ -177,26 +194,36 @@ def test_odd_names() -> None:
     assert len([name for name in files("out") if name.endswith(".mp4")]) == 2
 
 
-def test_a_process_that_is_killed_fails_alone(monkeypatch, capfd) -> None:
-    start = ChildProcesses.start
+def test_a_film_that_ends_its_process_fails_alone(folder, monkeypatch, capfd) -> None:
+    """The other films are made by one process before it, and by one after it."""
+    Path("deadly.py").write_text(DEADLY, encoding="utf-8")
+    monkeypatch.syspath_prepend(folder)
+    start, processes = ChildProcesses.start, list[int]()
 
     def started(
         child_processes: ChildProcesses, module: str, arguments: list[str], **options: Any
     ) -> subprocess.Popen[bytes]:
-        process = start(child_processes, module, arguments, **options)
-        if arguments[-1] == "in/signed.npy":
-            process.kill()
+        assert module == "hsplat_cli"
+        process = start(child_processes, "deadly", arguments, **options)
+        processes.append(process.pid)
         return process
 
     monkeypatch.setattr(ChildProcesses, "start", started)
-    assert turntable("in/signed.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
-    assert [record["status"] for record in report()] == ["failed", "done"]
+    for name in ("a", "b"):
+        np.save(f"in/{name}.npy", KINDS["uint8"][0][8:40, 8:40, 8:40])
+    volumes = [f"in/{name}.npy" for name in ("a", "labels", "signed", "uint8", "b")]
+    assert turntable(*volumes, "-o", "out", *SMALL) == 1
+    films = report()
+    assert [film["status"] for film in films] == ["done", "done", "failed", "done", "done"]
+    assert (films[2]["exit_code"], films[2]["volume"]) == (-signal.SIGKILL, "../in/signed.npy")
+    assert len(processes) == 2
     assert not [name for name in files("out") if "signed" in name]
     message = (
         "in/signed.npy: the process that made this film ended early\n"
         "  got: signal SIGKILL\n  hint: where memory runs out the system sends this signal\n"
     )
     assert message in capfd.readouterr().err
+    assert {Path("out", f"{name}.mp4").exists() for name in ("a", "labels", "uint8", "b")} == {True}
 
 
 def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
