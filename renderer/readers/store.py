@@ -35,6 +35,7 @@ STATEMENTS = FormatTable(
         Statement("axes.orientation", "place", "directions in a body"),
         Statement("datasets.coordinateTransformations", "place", "the place of each level"),
         Statement("coordinateTransformations", "place", "the place of all levels"),
+        Statement("coordinateTransformations.type", "place", "displacements, and other transformations", False),
         Statement("omero.channels.label", "meaning", "the names of channels"),
         Statement("omero.channels.color", "meaning", "the colours of channels"),
         Statement("omero.channels.window", "meaning", "the windows of channels"),

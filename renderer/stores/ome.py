@@ -20,6 +20,8 @@ from renderer.volume import Channel, Float64, Label
 
 # The axes of versions 0.1 and 0.2, which do not name them.
 _OLD_AXES = tuple(map(axis_named, "tczyx"))
+# The field that is named for a transformation that is not applied.
+_OTHER_TYPE = "coordinateTransformations.type"
 # The largest number of levels, channels and labels that are read.
 _MAX_LEVELS = 32
 _MAX_CHANNELS = 1000
@@ -70,7 +72,7 @@ def plan_of(attributes: Mapping[str, Any], driver: str) -> ImagePlan:
     if missing:  # the lengths of a level without its own follow from the other levels, so that none is believed
         levels = [each._replace(world_from_index=None) for each in levels]
         stated = any(list_of(each.get("coordinateTransformations")) for each in datasets)
-        unapplied += ["datasets.coordinateTransformations"] * stated
+        unapplied += [_OTHER_TYPE] * stated
     notes = [f"{len(every)} images in one group; the first is read"] * (len(every) > 1)
     notes += [f"placed in its coordinate system {short_text(system)}"] * bool(system)
     channels, more = _channels(mapping_of(ome.get("omero")))
@@ -133,9 +135,9 @@ def _common_matrix(
         chosen = [each for each in every if _system(each.get("input")) == own]
         every, system = chosen, _system(chosen[0].get("output")) if chosen else ""
         if len(every) != 1:
-            return np.eye(count + 1), "", ["coordinateTransformations"]
+            return np.eye(count + 1), "", [_OTHER_TYPE]
     matrix = matrix_of_all(every, count)
-    return (np.eye(count + 1), "", ["coordinateTransformations"]) if matrix is None else (matrix, system, [])
+    return (np.eye(count + 1), "", [_OTHER_TYPE]) if matrix is None else (matrix, system, [])
 
 
 def _matrix_of_level(dataset: Mapping[str, Any], count: int) -> Float64 | None:

@@ -76,6 +76,7 @@ SAMPLES: Samples = {
             _ome(), lambda folder: write_ome(folder / "a.zarr", [_VALUES], [scaled(1, 1, 1)],
                                              image={"coordinateTransformations": scaled(3, 3, 3)})
         ),
+        "coordinateTransformations.type": Sample(_ome(), _ome(place=[{"type": "displacements", "path": "field"}])),
         "omero.channels.label": Sample(_channels(), _channels(label="c"), _TWO),
         "omero.channels.color": Sample(_channels(), _channels(color="0000ff"), _TWO),
         "omero.channels.window": Sample(_channels(), _channels(window={"start": 0, "end": 9}), _TWO),
