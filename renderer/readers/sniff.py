@@ -14,7 +14,7 @@ from renderer.errors import InputError
 from renderer.readers.dicom_tags import summarize
 from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name
 from renderer.readers.headerless import Declaration, declaration_in_name
-from renderer.scene import VOLUME_SUFFIXES, is_pattern, join_some, short_text
+from renderer.scene import VOLUME_SUFFIXES, is_pattern, is_url, join_some, short_text
 from renderer.stores import is_store, is_zipped_store
 
 Format = Literal[
@@ -195,8 +195,11 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
 
 
 def is_volume_name(name: str | os.PathLike[str]) -> bool:
-    """Return whether a name belongs to a folder or to a file in a known format, or is a pattern of such files."""
-    if is_pattern(name):
+    """Return whether a name belongs to a folder or to a file in a known format, or is a pattern of such files.
+
+    The URL of a store is such a name, too.
+    """
+    if is_url(name) or is_pattern(name):
         return True
     with suppress(InputError):
         return os.path.isdir(name) or (os.path.isfile(name) and bool(find_format(Path(name))))
