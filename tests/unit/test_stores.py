@@ -335,3 +335,19 @@ def _zarr_python(folder: Path, values: Array) -> None:
 def test_zarr_python_writes_what_is_read(tmp_path: Path) -> None:
     _zarr_python(tmp_path / "a.zarr", FIELD)
     assert _is(read(tmp_path / "a.zarr"), FIELD)
+
+
+def test_without_tensorstore_the_command_is_told(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("renderer.errors.importlib.util.find_spec", lambda _: None)
+    assert refused(store, match="the package tensorstore is not installed").hint == "pip install 'hsplat[zarr]'"
+
+
+def test_times_of_a_store_are_steps_of_one_volume(tmp_path: Path) -> None:
+    """A fill value that some steps have is sought in the crop alone, at the level that is drawn."""
+    steps = field((3, 4, 5, 6), "int16") + 1
+    steps[2, 1:3] = -9999
+    folder = write_ome(tmp_path / "a", [steps], [scaled(0.5, 1, 1, 1)], axes="tzyx")
+    mixed = read(folder, time=0.5, interpolate=True)
+    np.testing.assert_array_equal(mixed.values, (steps[0] + steps[1]) / 2)
+    assert read(folder, time=2).num_absent == steps[0, :2].size and mixed.times == (0, 0.5, 1)
+    assert read(folder, time=2, crop=(None, None, (3, 4))).num_absent == 0
