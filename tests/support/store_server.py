@@ -43,12 +43,17 @@ class _Handler(SimpleHTTPRequestHandler):
         """Print nothing."""
 
 
+class _Server(ThreadingHTTPServer):
+    def handle_error(self, *_: object) -> None:
+        """Print nothing about connections that clients have closed."""
+
+
 @contextmanager
 def served_folder(folder: Path) -> Iterator[ServedFolder]:
     """Serve a folder at a free port until the end of the `with` block."""
     served = ServedFolder("")
     handler = functools.partial(_Handler, served=served, directory=str(folder))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+    with _Server(("127.0.0.1", 0), handler) as server:
         served.url = f"http://127.0.0.1:{server.server_address[1]}"
         thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
         thread.start()
