@@ -33,6 +33,7 @@ from renderer.scene import (
     RawSource,
     SplatBudget,
     TimeBudget,
+    UrlSource,
     VolumeSpec,
     counted,
     first_few,
@@ -202,6 +203,8 @@ def _source(volume: VolumeSpec) -> str:
         lengths = "" if source.spacing is None else " x ".join(f"{length:g}" for length in source.spacing)
         steps = f" to {source.steps[-1].name}, {counted(len(source.steps), 'step')}" if source.steps else ""
         return f"{source.file}{steps}{f', spacing {lengths} in place of its own' if lengths else ''}"
+    if isinstance(source, UrlSource):
+        return source.url
     shape = " x ".join(map(str, source.shape))
     if isinstance(source, RawSource):
         return f"{source.file}, {shape} of {source.dtype}"

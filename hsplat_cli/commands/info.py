@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hsplat_cli.commands.shared_options import FILE
 from hsplat_cli.scenes import (
     ReadingOptions,
     expand_volumes,
@@ -23,7 +22,7 @@ from hsplat_cli.scenes import (
     volume_options,
     volume_spec,
 )
-from hsplat_cli.terminal import Reporter, format_table
+from hsplat_cli.terminal import Reporter, VolumePath, format_table
 from renderer.errors import InputError
 from renderer.scene import FileSource, VolumeSpec, counted, load_scene, parse_yaml
 from renderer.system import join_lines, printable
@@ -31,7 +30,7 @@ from renderer.system import join_lines, printable
 if TYPE_CHECKING:
     from renderer.statistics import Statistics
     from renderer.suggest import ShownLayer, Suggestion
-    from renderer.volume import Channel, Float64, Volume
+    from renderer.volume import Channel, Float64, Volume, VolumeLevel
 
 # Width of the histogram, in characters.
 _COLUMNS = 64
@@ -110,34 +109,36 @@ class _VolumeFacts:
     reason: str
     transfer: dict[str, object]
     time: _TimeFacts | None
+    levels: Sequence[VolumeLevel]
 
     def to_json(self) -> dict[str, object]:
         """Return the facts as plain data; the sections of a scene that are suggested are further entries."""
         found = asdict(self)
         time, transfer = found.pop("time"), found.pop("transfer")
-        return {**found, **transfer, "time": time}
+        levels = [each._asdict() for each in self.levels]
+        return {**found, **transfer, "time": time, "levels": levels}
 
 
 @click.command()
-@click.argument("volume", type=FILE)
+@click.argument("volume", type=VolumePath())
 @volume_options()
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
-def info(*, volume: Path, as_json: bool, reading: ReadingOptions) -> None:
+def info(*, volume: Path | str, as_json: bool, reading: ReadingOptions) -> None:
     """Describe a volume: shape, place, values and histogram.
 
-    VOLUME is a file, or a folder of slices. The last part of the output suggests a transfer function to paste into
-    a scene file, and lists the materials that it shows. For a scene file or a folder of several volumes, info prints a
-    table of the volumes.
+    VOLUME is a file, a folder of slices, or a store, also at a URL. The last part of the output suggests a transfer
+    function to paste into a scene file, and lists the materials that it shows. For a scene file or a folder of several
+    volumes, info prints a table of the volumes.
     """
     from renderer.suggest import Wish, read_in_colors, suggest_read
 
     if reading.component == "all":
         raise InputError("this describes one component", where="--component all", hint="leave it out: all are listed")
     reporter = Reporter()
-    inside = expand_volumes([str(volume)])[0] if volume.is_dir() else []
+    inside = expand_volumes([str(volume)])[0] if isinstance(volume, Path) and volume.is_dir() else []
     named = [(str(each), volume_spec(each, reading)) for each in inside]
-    is_scene = volume.suffix.lower() in (".yaml", ".yml")
-    if is_scene:
+    is_scene = isinstance(volume, Path) and volume.suffix.lower() in (".yaml", ".yml")
+    if isinstance(volume, Path) and is_scene:
         layers = [(each.name or f"volumes.{k}", each.volumes) for k, each in enumerate(load_scene(volume).at(0).layers)]
         named = [(name + ".mask" * (key == "mask"), each) for name, of in layers for key, each in of.items()]
     if is_scene or len(named) > 1:
@@ -229,6 +230,7 @@ def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion, time:
         reason=suggestion.reason,
         transfer=parse_yaml("\n".join(transfer_lines(suggestion.transfer))).data,
         time=time,
+        levels=volume.levels,
     )
 
 
@@ -297,6 +299,7 @@ def _fact_lines(facts: _VolumeFacts, marks: str) -> list[str]:
         *(f"               [{'  '.join(f'{value:8.5f}' for value in row)}]" for row in matrix),
         *(["  world axes   to the left, to the back and up in a body (LPS)"] if facts.world_axes else []),
         *([f"  time         {_time_text(facts.time)}"] if facts.time else []),
+        *(f"{'' if k else '  levels':<14} {_level(k, each)}" for k, each in enumerate(facts.levels)),
         f"  values       {low} to {high}{value}, mean {mean}",
         "  percentiles  " + "   ".join(f"{p}%: {_number(value)}" for p, value in facts.percentiles.items()),
         f"  fingerprint  {facts.fingerprint}",
@@ -305,6 +308,13 @@ def _fact_lines(facts: _VolumeFacts, marks: str) -> list[str]:
         "  voxels by value, logarithmic",
         *_histogram(facts, marks),
     ]
+
+
+def _level(number: int, level: VolumeLevel) -> str:
+    """Return the number of a level of a store, its shape, its chunks and the bytes of its decoded voxels."""
+    shape, chunks = _numbers(level.shape, " x "), _numbers(level.chunks, " x ")
+    read = ", which is read" * level.is_read
+    return f"{number}: {shape} voxels in chunks of {chunks}, {_memory_text(level.num_bytes)}{read}"
 
 
 def _channel(number: int, channel: Channel) -> str:

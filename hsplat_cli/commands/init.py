@@ -8,7 +8,6 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.shared_options import FILE
 from hsplat_cli.scenes import (
     ReadingOptions,
     SceneRequest,
@@ -19,7 +18,7 @@ from hsplat_cli.scenes import (
     volume_options,
     volume_spec,
 )
-from hsplat_cli.terminal import OutputPath, Reporter
+from hsplat_cli.terminal import OutputPath, Reporter, VolumePath
 from renderer.errors import HsplatError, InputError
 from renderer.film import WrittenFiles, require_writable_dry_run, write_staged
 from renderer.job import volume_files
@@ -28,18 +27,18 @@ from renderer.system import num_cores
 
 
 @click.command()
-@click.argument("volume", type=FILE)
+@click.argument("volume", type=VolumePath())
 @click.option(
     "--output", type=OutputPath(dir_okay=False), metavar="FILE", help="Write to this file, not to the standard output."
 )
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @film_options
 @volume_options()
-def init(*, volume: Path, output: Path | None, force: bool, film: FilmOptions, reading: ReadingOptions) -> None:
+def init(*, volume: Path | str, output: Path | None, force: bool, film: FilmOptions, reading: ReadingOptions) -> None:
     """Write a scene file for a volume, to start from.
 
-    VOLUME is a file, or a folder of slices. The scene is a turntable with a transfer function that suits the values;
-    it goes to the standard output: hsplat init scan.nrrd > scene.yaml
+    VOLUME is a file, a folder of slices, or a store, also at a URL. The scene is a turntable with a transfer function
+    that suits the values; it goes to the standard output: hsplat init scan.nrrd > scene.yaml
     """
     reporter = Reporter()
     spec = volume_spec(volume, reading)

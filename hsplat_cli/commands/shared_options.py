@@ -10,7 +10,7 @@ import click
 from click.core import ParameterSource
 
 from hsplat_cli.scenes import SceneRequest
-from hsplat_cli.terminal import Reporter, option_group
+from hsplat_cli.terminal import Reporter, VolumePath, option_group
 from renderer.errors import InputError
 
 # The click type of an argument that names a file to read. click does not check that the file exists, because its
@@ -43,13 +43,13 @@ def takes_scene(
         arguments,
         click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help=set_help),
         click.option("--frames", metavar="A:B:STEP", help=frames_help),
-        click.option("--volume", type=FILE, metavar="FILE", help=volume_help),
+        click.option("--volume", type=VolumePath(), metavar="FILE", help=volume_help),
     )
 
     def declare(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
         def with_request(
-            *, scene: Path, overrides: tuple[str, ...], frames: str | None, volume: Path | None, **others: object
+            *, scene: Path, overrides: tuple[str, ...], frames: str | None, volume: Path | str | None, **others: object
         ) -> None:
             command(SceneRequest(scene, overrides, volume, frames), **others)
 

@@ -53,7 +53,7 @@ class SceneRequest:
 
     path: Path
     overrides: Sequence[str] = ()
-    volume: Path | None = None
+    volume: Path | str | None = None
     frames: str | None = None
     output: Path | str | None = None
     content: bytes | None = None

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, TypeVar
+from urllib.parse import urlsplit
 
 from hsplat_cli.scenes.volume_arguments import read_with_options
 from hsplat_cli.scenes.volume_names import name_volumes
@@ -24,8 +25,10 @@ from renderer.scene import (
     RawSource,
     ShadingSpec,
     TransferSpec,
+    UrlSource,
     VolumeSpec,
     format_value,
+    is_url,
     parse_scene_content,
     parse_yaml,
     relative_path,
@@ -205,7 +208,12 @@ def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Pat
 
 
 def volume_file(volume: VolumeSpec) -> Path:
-    """Return the file or folder of a volume; for steps in time the file that lists them, or else the first step."""
+    """Return the file or folder of a volume; for steps in time the file that lists them, or else the first step.
+
+    Of a URL, it is the path, whose last part is the name of the store.
+    """
+    if isinstance(volume.source, UrlSource):
+        return Path(urlsplit(volume.source.url).path)
     file = getattr(volume.source, "collection", None) or getattr(volume.source, "file", None)
     assert isinstance(file, Path), volume.source
     return file
@@ -227,7 +235,7 @@ def place_in(folder: Path, file: FileOrFiles) -> FileOrFiles:
     """Return a file, or a list of files, as a scene in `folder` names it: relative to `folder`, unless absolute."""
     if isinstance(file, list):
         return [place_in(folder, each) for each in file]
-    return file if os.path.isabs(file) else relative_path(file, folder)
+    return file if os.path.isabs(file) or is_url(file) else relative_path(file, folder)
 
 
 def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iterator[str]:
@@ -237,7 +245,8 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
         yield f"raw: {{file: {place}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
         yield f"      byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
     else:
-        yield _with_comment(f"file: {place}", "relative to this file", indent=2)
+        comment = "a store" if is_url(written) else "relative to this file"
+        yield _with_comment(f"file: {place}", comment, indent=2)
         if (spacing := getattr(source, "spacing", None)) is not None:
             yield _with_comment(f"spacing: {_list(spacing)}", "size of a voxel, in place of the file's", indent=2)
     for key in ("time", "component"):
@@ -246,6 +255,8 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
             yield _with_comment(f"{key}: auto", all_steps, indent=2) if index == "auto" else f"{key}: {index}"
     if volume.dataset is not None:
         yield f"dataset: {yaml_string(volume.dataset)}"
+    if volume.level is not None:
+        yield _with_comment(f"level: {volume.level}", "of the store, 0 the finest", indent=2)
     if has_absent or volume.nodata != "auto":
         nodata = volume.nodata if isinstance(volume.nodata, str) else _list(volume.nodata)
         yield _with_comment(

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 
 # Matches a key of a scene's `volume` in the text of a message: `time: k` or `component`.
-_KEY = re.compile(r"`(time|component|dataset|nodata|spacing)(?::( [^`]*))?`")
+_KEY = re.compile(r"`(time|component|dataset|level|nodata|spacing)(?::( [^`]*))?`")
 # Matches a key of a scene's `volume` with its value, as a message quotes them: `time: 7`.
-_GOT = re.compile(r"^(time|component|dataset): (.+)$")
+_GOT = re.compile(r"^(time|component|dataset|level): (.+)$")
 _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
 
 
@@ -112,6 +112,7 @@ class ReadingOptions:
     time: int | None = None
     component: int | Literal["all", "color", "color_alpha"] | None = None
     dataset: str | None = None
+    level: int | None = None
     nodata: Literal["auto", "none"] | tuple[float, ...] = "auto"
     spacing: tuple[float, float, float] | None = None
     shape: tuple[int, int, int] | None = None
@@ -136,8 +137,9 @@ def volume_options() -> Callable[[Callable[..., None]], Callable[..., None]]:
             "--dataset",
             _VOLUME["dataset"],
             "NAME",
-            "Read this dataset of an HDF5 or netCDF-4 file.  [default: the only volume]",
+            "Read this dataset of an HDF5 or netCDF-4 file, or image of a store.  [default: the only volume]",
         ),
+        _keyed("--level", _VOLUME["level"], "N", "Read this level of a store, 0 the finest.  [default: one that fits]"),
         _keyed(
             "--nodata",
             _VOLUME["nodata"],
@@ -198,11 +200,12 @@ film_options = packed_options(
 )
 
 
-def volume_spec(volume: Path, options: ReadingOptions, problems: list[InputError] | None = None) -> VolumeSpec:
+def volume_spec(volume: Path | str, options: ReadingOptions, problems: list[InputError] | None = None) -> VolumeSpec:
     """Return the volume that the options describe.
 
-    problems: a list. If the file lists steps in time and is damaged, the error is added to `problems`, or raised if
-    `problems` is None. Raises InputError where only one of --shape and --dtype is given, or an option needs both.
+    volume: a path, or a text that is the URL of a store. problems: a list. If the file lists steps in time and is
+    damaged, the error is added to `problems`, or raised if `problems` is None. Raises InputError where only one of
+    --shape and --dtype is given, or an option needs both.
     """
     shape, dtype, spacing = options.shape, options.dtype, options.spacing
     time, component = options.time, options.component
@@ -212,7 +215,9 @@ def volume_spec(volume: Path, options: ReadingOptions, problems: list[InputError
         )
     layout = {"byte_order": options.byte_order, "offset": options.offset}
     given: dict[str, Any] = {name: value for name, value in layout.items() if value is not None}
-    if shape is not None and dtype is not None:
+    if shape is not None and isinstance(volume, str):
+        raise InputError("this is for a file without a header", where="--shape", got="the URL of a store")
+    if shape is not None and dtype is not None and isinstance(volume, Path):
         given |= {"spacing": spacing} if spacing is not None else {}
         if options.dataset is not None:
             raise InputError("a headerless file has no datasets", where="--dataset", got=options.dataset)
@@ -232,9 +237,9 @@ def volume_spec(volume: Path, options: ReadingOptions, problems: list[InputError
         if problems is None:
             raise
         problems.append(error)
-        source = FileSource(volume)
+        source = FileSource(Path(volume))
     source = replace(source, spacing=spacing)
-    return VolumeSpec(source, time, component, nodata=options.nodata, dataset=options.dataset)
+    return VolumeSpec(source, time, component, nodata=options.nodata, dataset=options.dataset, level=options.level)
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool = False) -> Volume:

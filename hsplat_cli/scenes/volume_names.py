@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from renderer.errors import InputError
 from renderer.job import expand_pattern, header_data_files
@@ -16,14 +17,19 @@ from renderer.scene import join_some
 
 # Matches the ending of a volume's name that the name of its film leaves out: of scan.v2.nii.gz only .nii.gz.
 _ENDINGS = re.compile(
-    r"\.(nii|img|hdr|nrrd|nhdr|m(h[ad]|g[hz]|rcs?|ap|at)|ccp4|rec|raw|tiff?|np[yz]|cube?|dcm|vt[kir]|pvd|pvti|h(df)?5|nc4?|ims)"
-    r"(\.gz|\.bz2)?$",
+    r"\.(nii|img|hdr|nrrd|nhdr|m(h[ad]|g[hz]|rcs?|ap|at)|ccp4|rec|raw|tiff?|np[yz]|cube?|dcm|vt[kir]|pvd|pvti|h(df)?5|nc4?|ims|zarr|ome\.zarr|ozx|n5)"
+    r"(\.gz|\.bz2|\.zip)?$",
     re.IGNORECASE,
 )
 
 
-def base_name(volume: Path) -> str:
-    """Return the name of a volume's film: the volume's name without its ending, safe as a file name."""
+def base_name(volume: Path | str) -> str:
+    """Return the name of a volume's film: the volume's name without its ending, safe as a file name.
+
+    volume: a path, or a text that is the URL of a store.
+    """
+    if isinstance(volume, str):
+        volume = Path(urlsplit(volume).path)
     return _safe(_ENDINGS.sub("", _own_name(volume)))
 
 

@@ -1,6 +1,7 @@
 from .arguments import (
     Command as Command,
     OutputPath as OutputPath,
+    VolumePath as VolumePath,
     is_one_frame as is_one_frame,
     option_group as option_group,
     packed_options as packed_options,

@@ -13,7 +13,7 @@ from typing import TypeVar
 import click
 
 from renderer.errors import InputError
-from renderer.scene import TILDE_HINT, format_value, has_unexpanded_tilde
+from renderer.scene import TILDE_HINT, format_value, has_unexpanded_tilde, is_url
 
 # The type of a command while it is declared: a function, or the click command that was made of the function.
 Command = TypeVar("Command", bound="Callable[..., object] | click.Command")
@@ -79,6 +79,22 @@ class OutputPath(click.Path):
         if not self._may_be_folder and os.path.basename(str(value)) in ("", ".", ".."):
             raise InputError("the output is a folder", where=where, got=str(value), expected="the name of a file")
         return super().convert(value, param, ctx)
+
+
+class VolumePath(click.Path):
+    """Reads the path of a volume, which need not exist, or the URL of a store, which stays a text.
+
+    click does not check that a file exists, because its messages differ from hsplat's.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path, readable=False)
+
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | bytes | os.PathLike[str]:
+        """Return the path, or the URL."""
+        return str(value) if is_url(value) else super().convert(value, param, ctx)
 
 
 def parse_duration(text: str, *, where: str) -> float:

@@ -10,7 +10,16 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.film import folder_files
-from renderer.scene import ArraySource, FileSource, FilmScene, OutputFile, ProceduralSource, VolumeSpec, place_of
+from renderer.scene import (
+    ArraySource,
+    FileSource,
+    FilmScene,
+    OutputFile,
+    ProceduralSource,
+    UrlSource,
+    VolumeSpec,
+    place_of,
+)
 
 
 def scene_files(scene: FilmScene) -> Iterator[Path]:
@@ -31,7 +40,7 @@ def scene_files(scene: FilmScene) -> Iterator[Path]:
 def volume_files(volume: VolumeSpec) -> Iterator[Path]:
     """Yield the files of all steps of a volume, with the data files of a header and the slices of a folder."""
     source = volume.source
-    if isinstance(source, ProceduralSource):
+    if isinstance(source, (ProceduralSource, UrlSource)):
         return
     if isinstance(source, ArraySource):
         from renderer.volume import backing_file

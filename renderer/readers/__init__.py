@@ -36,6 +36,7 @@ Formats that a library parses, in a child process:
 - `isolation.py`: the child process with its limits
 - `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py` (VTK), `hdf5.py` (h5py), `pictures.py` (Pillow): a
   file for each format
+- `store.py` (tensorstore): an image of a store, by the room `stores`
 - `slice_names.py`: the order of slices in separate files
 - `orientation.py`: turned and mirrored pictures
 

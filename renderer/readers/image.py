@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import Units
-from renderer.volume import Array, Channel, Float64, Label
+from renderer.volume import Array, Channel, Float64, Label, VolumeLevel
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,11 @@ class Image:
     steps: the steps in time of the file.
     units: the units of lengths and values, and the axes of the world.
     has_lengths: whether the format can hold the lengths of a voxel.
+    levels: the levels of a store, from the finest to the coarsest.
+    box: the half-open ranges of voxels along x, y and z that `values` hold, if the reader has read them alone; the
+        affine is then still of all voxels. None if `values` hold all voxels.
+    finest_from_index: float64 [4, 4], from the voxel indices of this level to those of the finest level. A spacing in
+        the scene is of the finest level.
     """
 
     values: Array
@@ -34,3 +39,6 @@ class Image:
     steps: TimeSteps = field(default=TimeSteps())
     units: Units = field(default=Units())
     has_lengths: bool = True
+    levels: tuple[VolumeLevel, ...] = ()
+    box: tuple[tuple[int, int], ...] | None = None
+    finest_from_index: Float64 | None = None

@@ -17,7 +17,7 @@ import resource
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -30,9 +30,9 @@ from renderer.readers.image import Image
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import units_of
 from renderer.readers.voxel_limits import check_dtype, check_memory, check_size
-from renderer.scene import short_text
+from renderer.scene import is_url, short_text
 from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
-from renderer.volume import Array, Channel, Label
+from renderer.volume import Array, Channel, Label, VolumeLevel
 
 # The memory that a child may use beside voxels and files, in bytes.
 _MEMORY_BYTES = 1 << 30
@@ -62,15 +62,14 @@ def allocate_voxels(host: Host, shape: tuple[int, ...], dtype: npt.DTypeLike) ->
     return host.allocate(shape, dtype)
 
 
-def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
+def read_isolated(reader: str, path: Path | str, **arguments: Any) -> Image:
     """Call a reader in a child process, and return its image.
 
-    reader: the function, as `module:function`; its arguments are the path, `arguments`, and a `host`. arguments: values
-        that JSON can express. Raises InputError if the reader raises one or fails in any other way, and RenderError if
-        the child cannot run.
+    reader: the function, as `module:function`; its arguments are the path, `arguments`, and a `host`. path: a path, or
+        a text that is the URL of a store. arguments: values that JSON can express. Raises InputError if the reader
+        raises one or fails in any other way, and RenderError if the child cannot run.
     """
-    files = [entry for entry in os.scandir(path) if entry.is_file()] if path.is_dir() else [path]
-    stats = [file.stat() for file in files]
+    stats = [] if isinstance(path, str) else _stats(path)
     # A sparse file may store fewer bytes than its size: st_blocks counts stored blocks, always in units of 512 bytes.
     num_bytes = sum(min(stat.st_size, 512 * stat.st_blocks) for stat in stats)
     seconds = _SECONDS + len(stats) // _FILES_PER_SECOND + num_bytes // _PARSED_BYTES_PER_SECOND
@@ -108,7 +107,13 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
         return _image(answer, voxels)
 
 
-def _no_process_error(path: Path, got: str) -> RenderError:
+def _stats(path: Path) -> list[os.stat_result]:
+    """Return the states of a file, or of the files directly in a folder."""
+    files = [entry for entry in os.scandir(path) if entry.is_file()] if path.is_dir() else [path]
+    return [file.stat() for file in files]
+
+
+def _no_process_error(path: Path | str, got: str) -> RenderError:
     return RenderError(
         "the process that decodes this file cannot be started",
         where=str(path),
@@ -137,7 +142,21 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     units = units_of(*map(str, answer["units"]))
     labels = tuple(_label(*each) for each in answer["labels"])
     notes = tuple(answer["notes"])
-    return Image(values, world_from_index, notes, nodata, channels, labels=labels, steps=steps, units=units)
+    image = Image(values, world_from_index, notes, nodata, channels, labels=labels, steps=steps, units=units)
+    if answer["box"] is None:
+        return image
+    return replace(
+        image,
+        levels=tuple(_level(*each) for each in answer["levels"]),
+        box=tuple((int(begin), int(end)) for begin, end in answer["box"]),
+        finest_from_index=np.array(answer["finest_from_index"], np.float64).reshape(4, 4),
+    )
+
+
+def _level(shape: Any, chunks: Any, num_bytes: Any, is_read: Any) -> VolumeLevel:
+    """Return the facts about a level that the answer of a child describes."""
+    (x, y, z), (i, j, k) = map(int, shape), map(int, chunks)
+    return VolumeLevel((x, y, z), (i, j, k), int(num_bytes), bool(is_read))
 
 
 def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
@@ -177,7 +196,7 @@ class Host:
         """Extend the limit of memory by `num_bytes`, for a library that needs them before `allocate` is called."""
         _extend_limit(resource.RLIMIT_AS, num_bytes)
 
-    def begin_file(self, path: Path) -> None:
+    def begin_file(self, path: Path | str) -> None:
         """Tell the parent the name of the next file, for the message if reading it ends the process."""
         self.send(str(path))
 
@@ -227,7 +246,7 @@ def import_reader(reader: str) -> Callable[..., Image]:
     return function
 
 
-def call_reader(reader: str, path: Path, arguments: dict[str, Any], host: Host) -> Image:
+def call_reader(reader: str, path: Path | str, arguments: dict[str, Any], host: Host) -> Image:
     """Call a reader and return its image; raises InputError for any exception of its library."""
     function = import_reader(reader)
     with errors_about(path):
@@ -248,7 +267,8 @@ def _main() -> None:
     sender, descriptor, request = int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
     _limit_child(**request["limits"])
     with open(sender, "wb") as file:
-        child, path = Host(file, descriptor), Path(request["path"])
+        child, path = Host(file, descriptor), request["path"]
+        path = path if is_url(path) else Path(path)
         child.begin_file(path)
         try:
             image = call_reader(request["reader"], path, request["arguments"], child)
@@ -256,10 +276,12 @@ def _main() -> None:
             child.send({name: getattr(error, name) for name in _ERROR_FIELDS})
             return
         assert image.values is child.values, "readers return what they have allocated"
-        answer = {name: getattr(image, name) for name in ("notes", "nodata", "steps", "units")}
+        answer = {name: getattr(image, name) for name in ("notes", "nodata", "steps", "units", "levels", "box")}
         answer |= {"shape": image.values.shape, "dtype": image.values.dtype.str}
         answer |= {"world_from_index": image.world_from_index.tolist(), "channels": [*map(astuple, image.channels)]}
         answer |= {"labels": [*map(astuple, image.labels)]}
+        if image.finest_from_index is not None:
+            answer["finest_from_index"] = image.finest_from_index.tolist()
         child.send(answer)
 
 

@@ -12,27 +12,31 @@ from typing import Literal
 
 from renderer.errors import InputError
 from renderer.readers.dicom_tags import summarize
-from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name, refuse_zarr
+from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name
 from renderer.readers.headerless import Declaration, declaration_in_name
-from renderer.scene import VOLUME_SUFFIXES, is_pattern, join_some, short_text
+from renderer.scene import VOLUME_SUFFIXES, is_pattern, is_url, join_some, short_text
+from renderer.stores import is_store, is_zipped_store
 
 Format = Literal[
-    "nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom", "mrc", "hdf5", "pictures"
+    "nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom", "mrc", "hdf5", "pictures",
+    "store",
 ]  # fmt: skip
 
 KNOWN_FORMATS = (
     "NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NIfTI (.nii, .nii.gz), Analyze (.hdr), "
     "FreeSurfer (.mgh, .mgz), TIFF (.tif), NumPy (.npy, .npz), VTK (.vti, .pvti, .vtr, .vtk), Gaussian cube (.cube), "
-    "MRC (.mrc, .map, .ccp4), HDF5 (.h5), netCDF-4 (.nc) or DICOM"
+    "MRC (.mrc, .map, .ccp4), HDF5 (.h5), netCDF-4 (.nc), OME-Zarr, Zarr, N5, Neuroglancer or DICOM"
 )
 
 # The first bytes of HDF5, which may follow a block of other data.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+# The first bytes of a ZIP archive.
+_ZIP = b"PK\3\4"
 # The format of a file, by the bytes with which the file begins.
 _SIGNATURES: dict[bytes, Format] = {
     b"NRRD": "nrrd",
     b"\x93NUMPY": "npy",
-    b"PK\3\4": "npz",
+    _ZIP: "npz",
     b"# vtk DataFile": "vtk",
     **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "tiff"),
 }
@@ -87,6 +91,8 @@ def find_format(path: Path) -> Format:
         raise InputError("an empty file", where=str(path))
     refuse_bytes(path, content)
     name = path.name.lower()
+    if content.startswith(_ZIP) and is_zipped_store(path):
+        return "store"
     found = _format_by_bytes(path) or next((form for end, form in _SUFFIXES.items() if name.endswith(end)), None)
     if found is not None:
         return found
@@ -166,7 +172,8 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         raise InputError("no permission to read this", where=str(path))
     if not path.is_dir():
         return path, find_format(path), None
-    refuse_zarr(path)
+    if is_store(path):
+        return path, "store", None
     own = _format_of_slices(path)
     if own not in (None, "pictures"):
         others = sorted(short_text(each.name) for each in path.iterdir() if _is_volume(each))
@@ -188,8 +195,11 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
 
 
 def is_volume_name(name: str | os.PathLike[str]) -> bool:
-    """Return whether a name belongs to a folder or to a file in a known format, or is a pattern of such files."""
-    if is_pattern(name):
+    """Return whether a name belongs to a folder or to a file in a known format, or is a pattern of such files.
+
+    The URL of a store is such a name, too.
+    """
+    if is_url(name) or is_pattern(name):
         return True
     with suppress(InputError):
         return os.path.isdir(name) or (os.path.isfile(name) and bool(find_format(Path(name))))
@@ -202,6 +212,8 @@ def volumes_in(folder: Path) -> list[Path]:
     Returns an empty list if the folder itself is a volume of slices, or has only one volume. Raises InputError for
     slices of several formats, and for too many files.
     """
+    if is_store(folder):
+        return []
     found = _search(folder) if _format_of_slices(folder) in (None, "pictures") else []
     return found if len(found) > 1 else []
 
@@ -277,6 +289,10 @@ def _search(folder: Path) -> list[Path]:
                 expected=f"at most {_MAX_ENTRIES} files and folders",
                 hint="name the volume itself",
             )
+        if here != folder and is_store(here):
+            found[place] = here
+            folders.clear()
+            continue
         slices = _slices_below(here)
         if slices == "pictures":
             pictures.append(here)

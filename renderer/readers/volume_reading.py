@@ -26,13 +26,15 @@ from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.units import units_of
 from renderer.readers.voxel_colors import join_colors
 from renderer.readers.voxel_limits import (
+    MAX_VOLUME_BYTES,
+    check_crop,
     check_dtype,
     check_integer_resolution,
     check_memory,
     describe_shape,
     stays_mapped,
 )
-from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
+from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, UrlSource, VolumeSpec, short_text
 from renderer.system import free_bytes
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
@@ -42,6 +44,9 @@ Ranges = Sequence[tuple[int, int]]
 # The share of the free memory that the kept images may take. Bricks may take half of the memory that is then
 # still free.
 _SHARE_OF_FREE = 1 / 8
+# The share of the free memory that the voxels of a level of a store may take, if the scene does not choose the level.
+# Their bricks, and copies for voxels without data, take about as much again.
+_SHARE_OF_LEVEL = 1 / 4
 # The number of bytes that kept images may take if the system does not say how much memory is free.
 _KEPT_BYTES_IF_UNKNOWN = 256 << 20
 
@@ -141,13 +146,15 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     image = _load(spec, time)
     check_dtype(image.values.dtype)
     check_axes(image.world_from_index)
-    spacing, replaced = spec.source.spacing if isinstance(spec.source, FileSource) else None, None
+    spacing, replaced = spec.source.spacing if isinstance(spec.source, (FileSource, UrlSource)) else None, None
     if spacing is not None:
-        replaced = spacing_of(image.world_from_index)
-        image = replace(image, world_from_index=with_spacing(image.world_from_index, spacing))
+        finest_from_index = np.eye(4) if image.finest_from_index is None else image.finest_from_index
+        finest = image.world_from_index @ np.linalg.inv(finest_from_index)
+        replaced = spacing_of(finest)
+        image = replace(image, world_from_index=with_spacing(finest, spacing) @ finest_from_index)
     check_lengths(image.world_from_index)
     crop, lengths = spec.crop or (None, None, None), image.values.shape[::-1]
-    ranges = tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
+    ranges = image.box or tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
     image, colors = crop_image(image, ranges), None
     if isinstance(spec.component, str) and spec.has_colors:
         image, colors = join_colors(
@@ -173,6 +180,7 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
+    named = replace(named, levels=image.levels)
     is_guessed = not image.has_lengths or any((each or "").startswith(GUESSED_LENGTHS) for each in image.notes)
     named = replace(named, has_lengths=spacing is not None or not is_guessed)
     # The scene's spacing may be in any unit. If it differs from the file's, the file's unit is not kept.
@@ -187,9 +195,12 @@ def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
     Returns an empty tuple for a volume of one step, and for values of one byte.
     """
     num_times, source = image.steps.num_times, spec.source
-    if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, FileSource):
+    if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, (FileSource, UrlSource)):
         return ()
-    alike = VolumeSpec(source, component=_component(spec), dataset=spec.dataset)
+    crop = None if image.box is None else spec.crop  # of a store, only the chunks of the crop are read
+    alike = VolumeSpec(source, component=_component(spec), dataset=spec.dataset, level=spec.level, crop=crop)
+    if isinstance(source, UrlSource):
+        return _found_fill_values(alike, num_times, ())
     of_files = chain.from_iterable(map(_marks, source.steps or (source.file,)))
     return _found_fill_values(alike, num_times, tuple(of_files))
 
@@ -221,11 +232,13 @@ def _found_fill_values(spec: VolumeSpec, num_times: int, _of_files: tuple[FileMa
     return tuple(sorted(found))
 
 
-def _name(source: FileSource | RawSource | ProceduralSource | ArraySource, time: int | None) -> str:
+def _name(source: FileSource | UrlSource | RawSource | ProceduralSource | ArraySource, time: int | None) -> str:
     if isinstance(source, FileSource) and source.steps:
         return str(source.steps[min(time or 0, len(source.steps) - 1)])
     if isinstance(source, ArraySource):
         return source.name
+    if isinstance(source, UrlSource):
+        return source.url
     return f"procedural {source.name}" if isinstance(source, ProceduralSource) else str(source.file)
 
 
@@ -234,6 +247,8 @@ def _load(spec: VolumeSpec, time: int | None) -> Image:
     source = spec.source
     if isinstance(source, FileSource):
         return _load_listed(spec, source, time) if source.steps else _load_file(spec, source.file, time)
+    if isinstance(source, UrlSource):
+        return _load_store(spec, source.url, time)
     select_index("time", time, 1)
     select_index("component", _component(spec), 1)
     if isinstance(source, ArraySource):
@@ -275,13 +290,18 @@ def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:
     """Return the image in a file or a folder, from the reader of its format."""
     found, form, note = find_volume(require_exists(path))
     reader = f"renderer.readers.{_MODULES.get(form, form)}:read_{form}"  # imported on first use
+    if form == "store":
+        return _load_store(spec, found, time, note)
     if spec.dataset is not None and form != "hdf5":
         raise InputError(
             "there is no such dataset",
             where=str(found),
             got=f"dataset: {short_text(spec.dataset)}",
-            expected="no `dataset` at all: only HDF5 and netCDF-4 files have them",
+            expected="no `dataset` at all: only HDF5 and netCDF-4 files, and stores, have them",
         )
+    if spec.level is not None:
+        got, expected = f"level: {spec.level}", "no `level` at all: only stores have levels"
+        raise InputError("there is no such level", where=str(found), got=got, expected=expected)
     component = _component(spec)
     # Wrong lengths in the file do not matter if the scene gives a spacing.
     has_spacing = isinstance(spec.source, FileSource) and spec.source.spacing is not None
@@ -303,6 +323,30 @@ def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:
         marks.extend(_marks(found, with_folder=form in _ISOLATED))
     choice = (found.resolve(), time, component, has_spacing, spec.dataset)
     image = _RECENT_IMAGES.get(ImageRequest(spec.source, choice, tuple(marks)), read)
+    return replace(image, notes=(note, *image.notes))
+
+
+def _load_store(spec: VolumeSpec, place: Path | str, time: int | None, note: str | None = None) -> Image:
+    """Return the image in a store: its level, and the voxels of the crop alone. place: a path, or a URL."""
+    component, free = _component(spec), free_bytes()
+    # A finest level of unknown size is read whole if the system does not say how much memory is free.
+    most_bytes = _SHARE_OF_LEVEL * free if math.isfinite(free) else float(MAX_VOLUME_BYTES)
+    options: dict[str, Any] = {"dataset": spec.dataset, "level": spec.level, "crop": spec.crop}
+
+    def read() -> Image:
+        return read_isolated(
+            "renderer.readers.store:read_store",
+            place,
+            time=time,
+            component=component,
+            most_bytes=most_bytes,
+            **options,
+        )
+
+    marks = () if isinstance(place, str) else (marks_of(place),)
+    resolved = place if isinstance(place, str) else place.resolve()
+    choice = (resolved, time, component, *options.values())
+    image = _RECENT_IMAGES.get(ImageRequest(spec.source, choice, marks), read)
     return replace(image, notes=(note, *image.notes))
 
 
@@ -341,19 +385,15 @@ def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
 def crop_image(image: Image, ranges: Ranges) -> Image:
     """Return the voxels in half-open `ranges` along x, y and z, at the same place in the world; the values are a view.
 
-    Raises InputError for ranges that are empty or reach outside the volume.
+    The values of an image that its reader has cropped stay. Raises InputError for ranges that are empty or reach
+    outside the volume.
     """
-    for axis, (begin, end), n in zip("xyz", ranges, image.values.shape[::-1], strict=True):
-        if not 0 <= begin < end <= n:
-            raise InputError(
-                f"the crop does not fit the volume along {axis}",
-                got=f"[{begin}, {end}]",
-                expected=f"[first, end] with 0 <= first < end <= {n}",
-            )
+    if image.box is None:
+        check_crop(ranges, image.values.shape[::-1])
     (x0, x1), (y0, y1), (z0, z1) = ranges
     world_from_index = image.world_from_index.copy()
     world_from_index[:3, 3] += image.world_from_index[:3, :3] @ np.array([x0, y0, z0], np.float64)
-    values = image.values[z0:z1, y0:y1, x0:x1]
+    values = image.values if image.box is not None else image.values[z0:z1, y0:y1, x0:x1]
     return replace(image, values=values, world_from_index=world_from_index)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -74,6 +75,17 @@ def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike) -> None:
         expected="int8 to int64, uint8 to uint64, float16, float32 or float64",
         hint=hints.get(kind.kind) if kind.kind != "V" or kind.names else None,
     )
+
+
+def check_crop(ranges: Sequence[tuple[int, ...]], shape_xyz: tuple[int, ...]) -> None:
+    """Raise InputError for half-open ranges of voxels along x, y and z that are empty or reach outside the volume."""
+    for axis, (begin, end), n in zip("xyz", ranges, shape_xyz, strict=True):
+        if not 0 <= begin < end <= n:
+            raise InputError(
+                f"the crop does not fit the volume along {axis}",
+                got=f"[{begin}, {end}]",
+                expected=f"[first, end] with 0 <= first < end <= {n}",
+            )
 
 
 def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike) -> int:

@@ -170,10 +170,12 @@ from .transfer_section import (
     TransferSpec as TransferSpec,
     map_values as map_values,
 )
+from .urls import is_url as is_url
 from .volume_files import (
     SOURCE_FIELD as SOURCE_FIELD,
     VOLUME_SUFFIXES as VOLUME_SUFFIXES,
     FileSource as FileSource,
+    UrlSource as UrlSource,
     file_source as file_source,
     is_pattern as is_pattern,
 )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from renderer.scene.schema import is_file_name
+from renderer.scene.urls import is_url
 
 # The keys of a scene whose values are names of files.
 _FILE_KEYS = ("file", "import", "names", "font", "logo")
@@ -40,12 +41,14 @@ def found_path(name: str, folder: str | os.PathLike[str]) -> str:
 
 
 def with_files(part: Any, place: Callable[[str, str], str]) -> Any:
-    """Return a copy of a part of a scene's plain data, with new names of its files.
+    """Return a copy of a part of a scene's plain data, with new names of its files; URLs stay.
 
     place: a function that returns the new name of a file from the file's key and its old name.
     """
 
     def moved(key: str, item: Any) -> Any:
+        if is_url(item):
+            return item
         if key in _FILE_KEYS and is_file_name(item):
             return place(key, item)
         if key in _FILE_KEYS and isinstance(item, (list, tuple)):

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from renderer.errors import Problem, SceneError
 from renderer.scene.camera_section import CameraSpec, KeyframePath
-from renderer.scene.volume_files import FileSource
+from renderer.scene.volume_files import FileSource, UrlSource
 from renderer.scene.volume_section import VolumeSpec
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def proportion_problems(
     size: the size of the picture. place: a function that returns the dotted path of a key of the volume.
     """
     source = volume.source
-    if isinstance(source, FileSource):
+    if isinstance(source, (FileSource, UrlSource)):
         if source.spacing is not None:
             yield from _ratio_problems(max(source.spacing) / min(source.spacing), place("spacing"))
         return

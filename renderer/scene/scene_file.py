@@ -35,7 +35,7 @@ def parse_scene_content(
     path: Path,
     *,
     overrides: Sequence[str] = (),
-    volume: Path | None = None,
+    volume: Path | str | None = None,
     output: Path | str | None = None,
     is_single_frame: bool = False,
 ) -> FilmScene:
@@ -52,7 +52,7 @@ def edit_scene_content(
     content: bytes,
     path: Path,
     overrides: Sequence[str] = (),
-    volume: Path | None = None,
+    volume: Path | str | None = None,
     output: Path | str | None = None,
 ) -> TreeEditor:
     """Return an editor of the scene in the content of the YAML file `path`, with the changes of options.
@@ -61,7 +61,7 @@ def edit_scene_content(
     ----------
     overrides: `path.to.key=value`, the value in YAML. Missing mappings are created, list items are counted from 0, and
         the value null removes a key. They are applied in order, before `volume` and `output`.
-    volume: the file that replaces the volume's source. output: the file that replaces the output file.
+    volume: the file, or the URL, that replaces the volume's source. output: the file that replaces the output file.
 
     Both files, and the output file in the scene, are relative to the current folder. All other files in the scene are
     relative to the scene file.
@@ -111,7 +111,7 @@ class TreeEditor:
         self._writers: dict[str, yaml_tree.SourceLocation | int] = {**self.tree.locations}
         self._options: list[str] = []
 
-    def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | str | None) -> None:
+    def apply(self, overrides: Sequence[str], volume: Path | str | None, output: Path | str | None) -> None:
         """Change the tree by the values of the options `--set`, `--volume` and `--output`, in this order."""
         for override in overrides:
             self._override(override)
@@ -119,7 +119,8 @@ class TreeEditor:
             section = self.tree.data.get("volume")  # only the source is replaced; other keys of the volume remain
             others = section.items() if isinstance(section, dict) else ()
             self.tree.data["volume"] = {key: value for key, value in others if key not in _SOURCES}
-            self._set(["volume", "file"], str(volume.absolute()), self._option(f"--volume {volume}"))
+            place = volume if isinstance(volume, str) else str(volume.absolute())
+            self._set(["volume", "file"], place, self._option(f"--volume {volume}"))
         if output is not None:
             self.tree.data["output"] = only_output(self.tree.data.get("output"), output_suffix(output))
             self._set(["output", "file"], str(output), self._option(f"--output {output}"))

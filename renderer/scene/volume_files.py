@@ -16,6 +16,7 @@ from itertools import islice, pairwise
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import schema
@@ -23,6 +24,7 @@ from renderer.scene.file_places import found_path
 from renderer.scene.input_file import read_bounded
 from renderer.scene.message_text import did_you_mean, short_text
 from renderer.scene.schema import INVALID, TreeNode
+from renderer.scene.urls import is_url
 
 # The largest number of steps in time of a volume.
 MAX_STEPS = 10_000
@@ -60,6 +62,18 @@ class FileSource:
     def written(self) -> dict[str, object]:
         """Return the keys of the source in the section of a volume, with their values."""
         return {"file": self.collection or self.steps or self.file, "spacing": self.spacing}
+
+
+@dataclass(frozen=True)
+class UrlSource:
+    """A volume in a store at a URL. spacing: as in FileSource."""
+
+    url: str
+    spacing: schema.Vector | None = None
+
+    def written(self) -> dict[str, object]:
+        """Return the keys of the source in the section of a volume, with their values."""
+        return {"file": self.url, "spacing": self.spacing}
 
 
 def is_pattern(name: str | os.PathLike[str]) -> bool:
@@ -104,7 +118,20 @@ def _missing_file_hint(path: Path) -> str | None:
     return did_you_mean(path.name, others)
 
 
+def _parse_url(node: TreeNode, url: str) -> Any:
+    """Return the source of a volume at a URL, or INVALID."""
+    parts = urlsplit(url)
+    if "@" in parts.netloc:
+        hint = "credentials come from the variables of AWS and Google, or from their files"
+        return node.reject("a URL with a name or a password", got=parts.scheme, expected="a URL without", hint=hint)
+    if parts.fragment or not url.isprintable() or " " in url:
+        return node.reject("not the URL of a store", expected="no blank, and no part after #")
+    return UrlSource(url)
+
+
 def _parse_source(node: TreeNode) -> Any:
+    if is_url(node.value):
+        return _parse_url(node, str(node.value))
     if isinstance(node.value, (list, tuple)):
         return _steps(node, [(number, node.child(number, value)) for number, value in enumerate(node.value)])
     if schema.is_file_name(node.value):
@@ -122,8 +149,9 @@ def _parse_source(node: TreeNode) -> Any:
 
 _EXPECTED = "a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume"
 _ONE_FILE = file_field(_EXPECTED, folder=True)
-SOURCE_FIELD: schema.FieldType[FileSource] = schema.FieldType(
-    f"{_EXPECTED}; or steps in time: a list of files, or a pattern such as step_{{:04}}.vti", _parse_source
+SOURCE_FIELD: schema.FieldType[FileSource | UrlSource] = schema.FieldType(
+    f"{_EXPECTED}; or the URL of a store; or steps in time: a list of files, or a pattern such as step_{{:04}}.vti",
+    _parse_source,
 )
 
 
@@ -231,12 +259,14 @@ def _collected(node: TreeNode, path: Path) -> Any:
     return replace(source, times=tuple(sorted(time for time, _ in found)), collection=path)
 
 
-def file_source(volume: Path) -> FileSource:
+def file_source(volume: Path | str) -> FileSource | UrlSource:
     """Return the source of a file or a folder, or of the steps that a pattern or a collection of ParaView names.
+
+    volume: a path, or a text that is the URL of a store.
 
     Raises SceneError if the steps are wrong; its problems are located at the given name.
     """
-    if volume.suffix.lower() != ".pvd" and not is_pattern(volume):
+    if isinstance(volume, Path) and volume.suffix.lower() != ".pvd" and not is_pattern(volume):
         return FileSource(volume)
     problems: list[Problem] = []
     source = schema.read_option(SOURCE_FIELD, str(volume), str(volume), problems)

@@ -12,7 +12,7 @@ from renderer.scene import schema
 from renderer.scene.message_text import format_value
 from renderer.scene.motion import Motion, OverFrames, at_keys, is_plain, moving_result
 from renderer.scene.schema import INVALID, TreeNode
-from renderer.scene.volume_files import SOURCE_FIELD, FileSource, file_field
+from renderer.scene.volume_files import SOURCE_FIELD, FileSource, UrlSource, file_field
 from renderer.system import printable
 
 # The names of the volumes that `renderer.readers.procedural` makes from formulas. The list is here so that names are
@@ -107,7 +107,12 @@ _COMPONENT = schema.word_or(
     SUBSET_INDEX_FIELD,
     f"all, color, color_alpha, or {SUBSET_INDEX_FIELD.expected}",
 )
-_DATASET = schema.text_field("the name of a dataset in an HDF5 or netCDF-4 file", "no name", str.strip)
+_DATASET = schema.text_field(
+    "the name of a dataset in an HDF5 or netCDF-4 file, or of an image in a store", "no name", str.strip
+)
+# The largest number of a level: at the 31st, the longest axis has one voxel.
+_MAX_LEVEL = 31
+_LEVEL = schema.integer_field(minimum=0, maximum=_MAX_LEVEL)
 _RANGE = schema.sequence_field(
     schema.integer_field(minimum=0, maximum=MAX_AXIS),
     "[first, end]: whole numbers with first less than end",
@@ -234,9 +239,11 @@ class VolumeSpec:
     crop: half-open ranges of voxels (first, one past the last) along x, y, z; None for all voxels along an axis.
     interpolate: whether two steps are mixed at a `time` between them; `time` is then a float, and else an int.
     unit: the unit of world lengths, in place of the file's unit.
+    level: the number of a level of a store, 0 for the finest; None for one that fits into memory. A crop is in voxels
+        of the finest level, and so is the spacing of the source.
     """
 
-    source: FileSource | RawSource | ProceduralSource | ArraySource
+    source: FileSource | UrlSource | RawSource | ProceduralSource | ArraySource
     time: Annotated[float | int | Literal["auto"] | None, _TIME] = None
     component: Annotated[int | Literal["all", "color", "color_alpha"] | None, _COMPONENT] = None
     crop: Annotated[Ranges | None, _CROP] = None
@@ -244,6 +251,7 @@ class VolumeSpec:
     dataset: Annotated[str | None, _DATASET] = None
     interpolate: bool = False
     unit: Annotated[str | None, _UNIT] = None
+    level: Annotated[int | None, _LEVEL] = None
 
     @property
     def has_colors(self) -> bool:
@@ -255,7 +263,7 @@ class VolumeSpec:
         own = {key: value for key, value in vars(self).items() if key != "source"}
         own |= {"crop": at_keys(_by_axis, self.crop), "interpolate": self.interpolate or None}
         source = self.source
-        return (source.written() if isinstance(source, FileSource) else {source.key: source}) | own
+        return (source.written() if isinstance(source, (FileSource, UrlSource)) else {source.key: source}) | own
 
 
 def _by_axis(crop: Ranges | None) -> dict[str, Range] | Ranges | None:
@@ -292,7 +300,7 @@ def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
         node.key(extra).reject(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
     own = given.get("raw", given.get("procedural"))
     source = given.get("file", own)
-    if isinstance(source, FileSource):
+    if isinstance(source, (FileSource, UrlSource)):
         source = replace(source, spacing=given.get("spacing"))
     rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
     if isinstance(source, (RawSource, ProceduralSource)):
@@ -300,8 +308,8 @@ def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
         if "spacing" in given:
             hint = f"give {node.path}.{sources[0]}.spacing instead"
             node.key("spacing").reject(f"{kind} its own spacing", hint=hint)
-        for key in schema.valid_keys(given, "time", "interpolate", "component", "dataset"):
-            node.key(key).reject(f"{kind} neither time steps, components nor datasets", hint="remove the key")
+        for key in schema.valid_keys(given, "time", "interpolate", "component", "dataset", "level"):
+            node.key(key).reject(f"{kind} neither time steps, components, datasets nor levels", hint="remove the key")
     shape, crop = getattr(source, "shape", INVALID), given.get("crop", INVALID)
     pairs = () if INVALID in (crop, shape) or not is_plain(crop) else zip(crop, shape, strict=True)
     is_by_name = isinstance(node.value, Mapping) and isinstance(node.value.get("crop"), Mapping)

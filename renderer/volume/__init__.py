@@ -6,6 +6,7 @@ In: voxels [z, y, x] and an affine. Out: `Volume`, read-only. Voxels of large fi
 - `volume.py`: the voxels with their affine, and lengths and places in the world
 - `channel.py`: the description of a component in a file
 - `label.py`: the description of a label in a file
+- `volume_level.py`: the facts about a level of resolution in a store
 - `mask.py`: a mask, prepared for kernels
 - `mapped_file.py`: voxels that stay in their file, and checks that it is unchanged
 - `truncation_guard.py`: a guard against mapped files that become shorter

@@ -27,3 +27,4 @@ from .volume import (
     move_volume as move_volume,
     sampled_volume as sampled_volume,
 )
+from .volume_level import VolumeLevel as VolumeLevel

@@ -16,6 +16,7 @@ from renderer.volume.channel import Channel
 from renderer.volume.label import Label
 from renderer.volume.mapped_file import MappedFile, iter_slabs
 from renderer.volume.mask import make_mask_grid, shown_voxels
+from renderer.volume.volume_level import VolumeLevel
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ class Volume:
     world_axes: `LPS` if the axes of the world point to the left of a body, to its back and up; else empty.
     colors: uint8 [z, y, x, 3], read-only, the colours of voxels that are colours; the values are then their luminance
         or their alpha.
+    levels: the levels of the volume's store, from the finest to the coarsest; empty for any other file.
     """
 
     values: Array
@@ -68,6 +70,7 @@ class Volume:
     length_unit: str = ""
     world_axes: str = ""
     value_unit: str = ""
+    levels: tuple[VolumeLevel, ...] = ()
 
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""

@@ -241,7 +241,14 @@ def _answer(sender: int, case: Case, path: Path, undamaged: Volume, *, in_child:
         except BaseException:
             tell(escaped=traceback.format_exc(limit=-6))
         printed.seek(0)
-        is_isolated = case.base.form in ("tiff", "dicom", "vtk", "hdf5", "pictures")  # libraries, in their own process
+        is_isolated = case.base.form in (
+            "tiff",
+            "dicom",
+            "vtk",
+            "hdf5",
+            "pictures",
+            "store",
+        )  # libraries, in their own process
         may_print = is_isolated and not in_child
         tell(printed="" if may_print else printed.read(300).decode("utf-8", "replace"))
 

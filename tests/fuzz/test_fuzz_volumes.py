@@ -28,7 +28,7 @@ from renderer.readers import read_nrrd
 SEED = 5
 FILES = 250
 FORMATS = {"nrrd", "metaimage", "nifti", "mgh", "npy", "npz", "raw", "cube", "tiff", "dicom", "vtk"}
-FORMATS |= {"mrc", "hdf5", "pictures"}
+FORMATS |= {"mrc", "hdf5", "pictures", "store"}
 
 # Small files by which readers once worked, waited or took memory without end, or failed.
 MENDED = (

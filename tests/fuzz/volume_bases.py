@@ -29,6 +29,7 @@ from volume_bases_conventions import (
     masked_vtk_bases,
     stated_picture_bases,
     stated_tiff_bases,
+    store_bases,
 )
 from volume_bases_scientific import hdf5_bases, mrc_bases, other_vtk_bases, picture_bases, written_by_vtk
 from volume_bases_tiff import tiff_bases
@@ -44,7 +45,7 @@ def make_bases(data: Path | None) -> tuple[Base, ...]:
     """Return all undamaged volumes, in a fixed order. data: the folder of real ones, if there is one."""
     groups = (_nrrd, _metaimage, _nifti, _mgh, _arrays, _cube, tiff_bases, _dicom, _vtk)
     others = (mrc_bases, hdf5_bases, picture_bases, other_vtk_bases)
-    others += (convention_bases, masked_vtk_bases, stated_tiff_bases, stated_picture_bases)
+    others += (convention_bases, store_bases, masked_vtk_bases, stated_tiff_bases, stated_picture_bases)
     more = tuple(base for group in others for base in group(sample_values("int16")))
     return tuple(base for group in groups for base in group()) + more + (() if data is None else tuple(_real(data)))
 

@@ -1,8 +1,10 @@
-"""Undamaged volumes whose files state more than voxels: conventions of HDF5, masks of VTK, turned pages of TIFF."""
+"""Undamaged volumes with more than voxels: conventions of HDF5, stores, masks of VTK, turned pages of TIFF."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from hdf5_files import write_bdv, write_emd, write_imaris, write_netcdf, write_n
 from stated_pictures import write_deep_pictures, write_pictures
 from stated_tiff import imagej
 from stated_vtk import write_vtk
+from store_files import scaled, sharded, write_ome, zipped_store
 from volume_base import Array, Base, written
 
 _XML = (
@@ -41,6 +44,26 @@ def convention_bases(values: Array) -> Iterator[Base]:
     yield _hdf5("imaris", "a.ims", imaris, pair[1], {"component": 1})
     bdv = written(lambda folder: write_bdv(folder / "a.h5", (values,), num_levels=2, num_times=2, xml=_XML))
     yield _hdf5("bdv", "a.h5", bdv, (values + 1).astype(np.uint16), {"time": 1})
+
+
+def store_bases(values: Array) -> Iterator[Base]:
+    """Yield an image of OME-Zarr in a folder and in an archive, with shards whose chunks have checksums."""
+    place = [scaled(2.0, 1.0, 1.0)]
+
+    def write_plain(folder: Path) -> None:
+        write_ome(folder / "a.zarr", [values], place, compressor=None)
+
+    plain = written(write_plain)
+    headers = {file: ((0, len(data)),) for file, data in plain.items() if file.endswith((".zattrs", ".zarray"))}
+    yield Base("store ome", plain, "a.zarr", values=values, headers=headers)
+
+    def write_archive(folder: Path) -> None:
+        with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as name:
+            options: Any = {"version": "0.5", "chunks": (4, 6, 6), "codecs": sharded(2, 3, 3)}
+            zipped_store(write_ome(Path(name) / "a", [values], place, **options), folder / "a.ozx")
+
+    archive = written(write_archive)
+    yield Base("store archive", archive, "a.ozx", values=values, headers={"a.ozx": ((0, len(archive["a.ozx"])),)})
 
 
 def _hdf5(name: str, opened: str, files: dict[str, bytes], values: Array, choice: dict[str, int] | None = None) -> Base:

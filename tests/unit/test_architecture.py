@@ -26,9 +26,9 @@ FOR_TESTS = "# For tests alone: steps and constants that no other room uses.\n"
 # of them in renderer/, and after all of them in hsplat_cli/. The Python API uses all rooms; none uses it.
 ORDER = {
     "renderer": [
-        "system", "kernels", "volume", "looks", "scene", "readers", "statistics", "transfer", "suggest", "resolve",
-        "pyramid", "lighting", "splats", "bricks", "view", "modes", "layers", "draw", "film", "frame", "truth",
-        "accuracy", "annotation", "record", "job",
+        "system", "kernels", "volume", "looks", "scene", "stores", "readers", "statistics", "transfer", "suggest",
+        "resolve", "pyramid", "lighting", "splats", "bricks", "view", "modes", "layers", "draw", "film", "frame",
+        "truth", "accuracy", "annotation", "record", "job",
     ],
     "hsplat_cli": [
         "terminal", "scenes", "executors", "reports", "compare", "measure", "turntable", "preview", "commands",

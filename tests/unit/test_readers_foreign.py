@@ -143,36 +143,6 @@ def test_names_that_do_not_fit_the_size_give_none(tmp_path, name):
     assert refused(tmp_path / name, match="this is not a volume in a known format").declaration is None
 
 
-@pytest.mark.parametrize("name", [".zarray", ".zgroup", "zarr.json"])
-def test_zarr_is_a_folder(tmp_path, name):
-    written(tmp_path / name, b"{}")
-    hint = refused(tmp_path, match="this is a Zarr array or group").hint
-    assert f"zarr.open('{tmp_path.name}'" in hint if name == ".zarray" else "no array was found in it" in hint
-
-
-@pytest.mark.parametrize(("group", "array"), [(".zgroup", ".zarray"), ("zarr.json", "zarr.json")])
-def test_the_hint_on_zarr_names_an_array_that_exists(tmp_path, group, array):
-    """The nearest one, of these the first: nothing behind a link, or with a name that a shell expands."""
-    store = tmp_path / "a b.zarr"
-    for name in ("10", "9", "0/labels", "$(ls)", "elsewhere"):
-        (store / name).mkdir(parents=True)
-    (tmp_path / "0").mkdir()
-    (store / "1").symlink_to(tmp_path / "0")
-    for folder in (store, store / "0"):
-        written(folder / group, b'{"zarr_format": 3, "node_type": "group"}')
-    for folder in (store / "10", store / "9", store / "0/labels", store / "$(ls)", tmp_path / "0"):
-        written(folder / array, b'{"zarr_format": 3, "node_type": "array"}')
-    assert "zarr.open('a b.zarr/9', mode='r')[:]" in refused(store).hint
-
-
-def test_zarr_without_end_is_not_searched_for_long(tmp_path):
-    written(tmp_path / ".zgroup", b"{}")
-    for k in range(30):
-        (tmp_path / "/".join("0" * k) / "0").mkdir()
-    written(tmp_path / "zarr.json", b"[" * 10**5)
-    assert "no array was found" in refused(tmp_path).hint
-
-
 def test_other_files_are_of_no_known_format(tmp_path):
     for data in (b"some text\n", bytes(5000), np.random.default_rng(1).bytes(5000)):
         error = refused(written(tmp_path / "a.bin", data), match="this is not a volume in a known format")

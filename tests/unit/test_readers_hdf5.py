@@ -68,7 +68,7 @@ def test_datasets_are_named(tmp_path):
     error = refused(tmp_path / "a.h5", match="there is no such dataset", dataset="in/hihg")
     assert error.hint == "did you mean in/high?"
     np.save(tmp_path / "a.npy", VALUES)
-    refused(tmp_path / "a.npy", match="only HDF5 and netCDF-4 files have them", dataset="in/high")
+    refused(tmp_path / "a.npy", match="only HDF5 and netCDF-4 files, and stores, have them", dataset="in/high")
 
 
 def test_even_coordinates_are_the_place(tmp_path):

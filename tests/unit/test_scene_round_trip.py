@@ -60,6 +60,7 @@ from renderer.scene import (
     TitleSpec,
     TransferSpec,
     TurntablePath,
+    UrlSource,
     VolumeSpec,
     moving,
     parse_scene,
@@ -142,6 +143,7 @@ SECTIONS = {
             others=(
                 OutputFile(Path("a.webm"), (256, 256), 10.0, None, 3.0, "vp9", 12.0, "yuva420p", every=2),
                 OutputFile(Path("p.png"), background=((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), frame=1)))),
+    "url": PLAIN.with_layers(volume=VolumeSpec(UrlSource("s3://a.bucket/b.zarr", SPACING), level=3)),
     "attenuation": replace(PLAIN, mode=ModeSpec("attenuation", 0.1, -1000.0)).with_layers(
         transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log"), relative=True)),
     "depth": replace(PLAIN, mode=ModeSpec("maximum", color_by="depth")),

@@ -1,0 +1,14 @@
+"""Recognise URLs of stores, which a scene may name in place of a volume's file."""
+
+from __future__ import annotations
+
+import re
+
+# The schemes of the URLs under which a store is read.
+SCHEMES = ("http", "https", "s3", "gs")
+_URL = re.compile(rf"(?:{'|'.join(SCHEMES)})://[^/\s]")
+
+
+def is_url(text: object) -> bool:
+    """Return whether a value is the text of a URL under which a store may be read."""
+    return isinstance(text, str) and _URL.match(text) is not None

@@ -1,0 +1,93 @@
+"""Open arrays by tensorstore, with limits of its memory and its threads, and state its failures as errors of input."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from renderer.errors import InputError, require_package
+from renderer.scene import short_text
+
+if TYPE_CHECKING:
+    import tensorstore
+
+# The bytes of decoded chunks and indices of shards that tensorstore keeps. A box is read once, so that only the chunks
+# at the borders of two slabs, and the indices of shards, are needed twice.
+_CACHE_BYTES = 64 << 20
+# The number of threads that decode chunks. More threads than cores do not help, and each holds a chunk.
+_NUM_DECODERS = 4
+# The number of local files that are read at a time. Reading waits for the disk, so that these are more than decoders.
+_NUM_FILES = 8
+# The number of requests that are sent at a time. At a latency of 20 ms, 16 requests of 1 MiB fill a line of 800 MiB/s.
+_NUM_REQUESTS = 16
+# The number of times that a failed request is sent again, and the first and the longest wait between two.
+_RETRIES = {"max_retries": 5, "initial_delay": "250ms", "max_delay": "4s"}
+# The seconds that a request for metadata may take, with its retries.
+METADATA_SECONDS = 60.0
+
+# The name of an error of tensorstore at the beginning of its message.
+_CODE = re.compile(r"([A-Z_]{4,30}): ")
+# The hints for errors of tensorstore, by their names.
+_REFUSED = "the server refuses access: check the credentials (`AWS_...`, `GOOGLE_APPLICATION_CREDENTIALS`) or the URL"
+_BROKEN_LINE = "the server or the network failed, also after retries: run the same command again"
+_HINTS = {
+    "PERMISSION_DENIED": _REFUSED,
+    "UNAUTHENTICATED": _REFUSED,
+    "ABORTED": _BROKEN_LINE,
+    "UNAVAILABLE": _BROKEN_LINE,
+    "DEADLINE_EXCEEDED": _BROKEN_LINE,
+    "NOT_FOUND": "a part of the store is missing: copy or download it again",
+    "DATA_LOSS": "the store is damaged: copy or download it again",
+    "FAILED_PRECONDITION": "the store is damaged, or its metadata belong to another array: copy or download it again",
+}
+
+
+def import_library() -> Any:
+    """Return the module of tensorstore; raises InputError if it is not installed."""
+    require_package("tensorstore", extra="zarr")
+    import tensorstore
+
+    return tensorstore
+
+
+def make_context() -> tensorstore.Context:
+    """Return tensorstore's context for one store: a cache, threads and requests of its own."""
+    library = import_library()
+    remote: dict[str, object] = {}
+    for kind in ("http", "s3", "gcs"):
+        remote[f"{kind}_request_concurrency"] = {"limit": _NUM_REQUESTS}
+        remote[f"{kind}_request_retries"] = _RETRIES
+    context: tensorstore.Context = library.Context(
+        {
+            "cache_pool": {"total_bytes_limit": _CACHE_BYTES},
+            "data_copy_concurrency": {"limit": _NUM_DECODERS},
+            "file_io_concurrency": {"limit": _NUM_FILES},
+            **remote,
+        }
+    )
+    return context
+
+
+@contextmanager
+def errors_of_library(what: str, where: str) -> Iterator[None]:
+    """Turn errors of tensorstore in the `with` block into InputError. what: the sentence that states the failure."""
+    try:
+        yield
+    except TimeoutError as error:
+        raise InputError(what, where=where, got="no answer in time", hint=_BROKEN_LINE) from error
+    except (ValueError, KeyError, OSError, TypeError) as error:
+        text = " ".join(str(error).split()).partition(" [")[0]
+        code = _CODE.match(text)
+        hint = _HINTS.get(code[1] if code else "")
+        got = text[code.end() :] if code else text
+        raise InputError(what, where=where, got=short_text(got, 400), hint=hint) from error
+
+
+def open_array(driver: str, kvstore: Mapping[str, Any], options: Mapping[str, Any], context: Any) -> Any:
+    """Return an open array that can only be read, with the index 0 as the first one along each axis."""
+    library = import_library()
+    spec = {"driver": driver, "kvstore": dict(kvstore), **options}
+    opened = library.open(spec, context=context, read=True, open=True).result(METADATA_SECONDS)
+    return opened[library.d[:].translate_to[0]]

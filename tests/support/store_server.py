@@ -1,0 +1,64 @@
+"""Serve a folder over HTTP on this machine, with faults in it."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+
+class ServedFolder:
+    """A folder that a server serves.
+
+    url: its URL. asked: the paths that were asked for, in order. faults: the status codes of the next answers for
+        paths that end so; None for a broken connection.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self.asked: list[str] = []
+        self.faults: dict[str, list[int | None]] = {}
+
+
+class _Handler(SimpleHTTPRequestHandler):
+    def __init__(self, *arguments: object, served: ServedFolder, **options: object) -> None:
+        self._served = served
+        super().__init__(*arguments, **options)  # type: ignore[arg-type]
+
+    def do_GET(self) -> None:
+        self._served.asked.append(self.path)
+        for end, codes in self._served.faults.items():
+            if self.path.endswith(end) and codes:
+                code = codes.pop(0)
+                if code is not None:
+                    self.send_error(code)
+                self.close_connection = True
+                return
+        super().do_GET()
+
+    def log_message(self, *_: object) -> None:
+        """Print nothing."""
+
+
+class _Server(ThreadingHTTPServer):
+    def handle_error(self, *_: object) -> None:
+        """Print nothing about connections that clients have closed."""
+
+
+@contextmanager
+def served_folder(folder: Path) -> Iterator[ServedFolder]:
+    """Serve a folder at a free port until the end of the `with` block."""
+    served = ServedFolder("")
+    handler = functools.partial(_Handler, served=served, directory=str(folder))
+    with _Server(("127.0.0.1", 0), handler) as server:
+        served.url = f"http://127.0.0.1:{server.server_address[1]}"
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
+        thread.start()
+        try:
+            yield served
+        finally:
+            server.shutdown()
+            thread.join()

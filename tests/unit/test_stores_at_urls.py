@@ -1,0 +1,129 @@
+"""Stores at URLs, in the child process that reads all stores: over HTTP with faults, and as scenes name them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from store_files import field, halves, scaled, write_json, write_n5, write_ome, write_precomputed, zipped_store
+from store_server import ServedFolder, served_folder
+from volume_files import read
+
+from hsplat_cli.commands.info import info
+from renderer.errors import InputError, SceneError
+from renderer.readers import read_volume
+from renderer.scene import UrlSource, VolumeSpec, parse_scene, scene_to_dict, with_files
+from renderer.volume import Volume
+
+FIELD = field()
+LEVELS = [FIELD, halves(FIELD, 1, 2, 2)]
+PLACES = [scaled(2.0, 0.5, 0.5, translation=(1.0, 2.0, 3.0)), scaled(2.0, 1.0, 1.0, translation=(1.0, 2.25, 3.25))]
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[ServedFolder]:
+    write_ome(tmp_path / "a.ome.zarr", LEVELS, PLACES)
+    with served_folder(tmp_path) as served:
+        yield served
+
+
+def _read(url: str, **choice: Any) -> Volume:
+    return read_volume(VolumeSpec(UrlSource(url), **choice))
+
+
+def test_a_local_store_is_read_in_a_child_process(tmp_path: Path) -> None:
+    folder = write_ome(tmp_path / "a", LEVELS, PLACES)
+    volume = read(folder, crop=((3, 9), None, None), level=1, spacing=(1.0, 1.0, 2.0))
+    np.testing.assert_array_equal(volume.values, LEVELS[1][:, :, 1:5])
+    assert volume.spacing.tolist() == [2, 2, 2] and volume.file_spacing == (0.5, 0.5, 2.0)
+    assert volume.world_from_index[:3, 3].tolist() == [3 + 0.5 + 2, 2 + 0.5, 1]
+    assert [each.is_read for each in volume.levels] == [False, True]
+
+
+def test_only_the_chunks_of_a_crop_are_asked_for(server: ServedFolder) -> None:
+    volume = _read(f"{server.url}/a.ome.zarr", level=0, crop=((5, 10), (6, 9), (7, 8)))
+    np.testing.assert_array_equal(volume.values, FIELD[7:8, 6:9, 5:10])
+    assert volume.world_from_index[:3, 3].tolist() == [3 + 2.5, 2 + 3, 1 + 14]
+    assert [path for path in server.asked if path[-1].isdigit()] == ["/a.ome.zarr/0/1.1.1"]
+
+
+def test_formats_over_http(tmp_path: Path, server: ServedFolder) -> None:
+    zipped_store(tmp_path / "a.ome.zarr", tmp_path / "a.ozx")
+    write_n5(tmp_path / "a.n5", LEVELS, [{"downsamplingFactors": [1, 1, 1]}, {"downsamplingFactors": [2, 2, 1]}])
+    write_precomputed(tmp_path / "p", LEVELS, [{}, {"resolution": [8, 8, 40]}])
+    write_ome(tmp_path / "b", LEVELS, PLACES, version="0.5")
+    for name in ("a.ome.zarr", "a.ozx", "a.n5", "p", "b", "b/"):
+        np.testing.assert_array_equal(_read(f"{server.url}/{name}", level=1).values, LEVELS[1])
+
+
+def test_a_failed_request_is_repeated(server: ServedFolder) -> None:
+    server.faults = {"0/1.1.1": [503, None], ".zattrs": [503]}
+    np.testing.assert_array_equal(_read(f"{server.url}/a.ome.zarr", level=0).values, FIELD)
+    assert server.asked.count("/a.ome.zarr/0/1.1.1") == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "hint"),
+    [
+        ("0/1.1.1", 403, "the server refuses access"),
+        (".zattrs", 403, "the server refuses access"),
+        ("0/.zarray", 404, "a part of the store is missing"),
+    ],
+)
+def test_requests_that_fail_are_errors(server: ServedFolder, name: str, code: int, hint: str) -> None:
+    server.faults = {name: [code] * 99}
+    with pytest.raises(InputError) as error:
+        _read(f"{server.url}/a.ome.zarr", level=0)
+    assert hint in str(error.value.hint) and server.url in str(error.value)
+
+
+def test_a_missing_chunk_at_a_url_has_the_fill_value(server: ServedFolder) -> None:
+    server.faults = {"0/1.1.1": [404]}
+    volume = _read(f"{server.url}/a.ome.zarr", level=0)
+    assert not volume.values[5:10, 5:10, 5:10].any() and volume.values[0, 0, 1] == FIELD[0, 0, 1]
+
+
+def test_no_store_at_a_url(server: ServedFolder) -> None:
+    with pytest.raises(InputError, match="there is no store here") as error:
+        _read(f"{server.url}/nothing")
+    assert error.value.where == f"{server.url}/nothing"
+
+
+def test_a_url_stays_a_url(tmp_path: Path) -> None:
+    url = "https://example.org/a//b.zarr/"
+    tree: dict[str, Any] = {
+        "volume": {"file": url, "level": 2},
+        "transfer_function": {"points": [{"value": 0, "color": "red", "opacity": 0.5}]},
+        "camera": {"path": {"type": "turntable", "frames": 2}},
+        "output": {"file": "a.mp4"},
+    }
+    scene = parse_scene(tree, base=tmp_path)
+    assert scene.at(0).layers[0].volume.source == UrlSource(url)
+    plain = scene_to_dict(scene)
+    assert with_files(plain, lambda _, name: f"moved/{name}")["volume"]["file"] == url
+    tree["volume"] = {"file": "https://me:secret@example.org/a.zarr"}
+    with pytest.raises(SceneError, match="a URL with a name or a password") as error:
+        parse_scene(tree, base=tmp_path)
+    assert "secret" not in str(error.value)
+
+
+def test_info_lists_the_levels(server: ServedFolder) -> None:
+    shown = CliRunner().invoke(info, [f"{server.url}/a.ome.zarr", "--level", "1"])
+    assert shown.exit_code == 0
+    assert (
+        "  levels       0: 18 x 14 x 12 voxels in chunks of 5 x 5 x 5, 6048 bytes\n"
+        "               1: 9 x 7 x 12 voxels in chunks of 5 x 5 x 5, 1512 bytes, which is read\n"
+    ) in shown.output
+
+
+def test_metadata_of_a_local_store_reach_no_server(tmp_path: Path, server: ServedFolder) -> None:
+    fields = {"multiscales": [{"axes": list("zyx"), "datasets": [{"path": f"{server.url}/a.ome.zarr/0"}]}]}
+    write_json(tmp_path / "b/.zattrs", fields)
+    write_json(tmp_path / "b/.zgroup", {"zarr_format": 2})
+    with pytest.raises(InputError, match="a place outside of it"):
+        read(tmp_path / "b")
+    assert server.asked == []
