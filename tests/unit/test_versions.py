@@ -36,7 +36,7 @@ def uninstalled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             raise metadata.PackageNotFoundError(package)
         return "1.2"
 
-    monkeypatch.setattr("renderer.system.versions._installed_version", version)
+    monkeypatch.setattr(metadata, "version", version)
     monkeypatch.setattr("renderer.system.versions._ROOT", tmp_path)
     return tmp_path
 
