@@ -11,15 +11,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 import renderer
 from hsplat_cli.terminal import describe_machine
+from renderer.accuracy import ExactPixels, FrameProber, psnr
 from renderer.draw import SplatRasterizer
+from renderer.frame import FilmStage
 from renderer.scene import Scene
+from renderer.volume import Float64
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "build" / "benchmarks"
 SCENES = Path(__file__).with_name("scenes")
 THREADS = os.cpu_count() or 1
+# Pixels of each frame that are compared with exact rays where the exact rays of all pixels would take many minutes.
+PROBES = 4096
 
 
 class Point(NamedTuple):
@@ -33,6 +40,27 @@ class Point(NamedTuple):
 def fastest(points: Sequence[Point], psnr: float) -> Point | None:
     """Return the fastest that reaches an accuracy, if any does."""
     return min((point for point in points if point.psnr >= psnr), key=lambda point: point.ms, default=None)
+
+
+class SampledTruth:
+    """The means over some pixels of some frames of a scene, by exact rays."""
+
+    def __init__(self, stage: FilmStage, frames: Sequence[int]) -> None:
+        self._prober = FrameProber(stage.first, PROBES, num_threads=THREADS)
+        self._frames = frames
+        self._exact = list[ExactPixels]()
+
+    def psnr(self, pictures: Sequence[Float64]) -> float:
+        """Return the PSNR of pictures of the frames, float64 [h, w, 3]; the first ones say which pixels are compared.
+
+        It is infinite if the errors are too small to be told from those of the exact rays.
+        """
+        if not self._exact:
+            images = [np.rint(255 * picture).astype(np.uint8) for picture in pictures]
+            numbered = zip(self._frames, images, strict=True)
+            self._exact = [self._prober.exact_pixels(number, image) for number, image in numbered]
+        probes = [exact.compare_picture(picture) for exact, picture in zip(self._exact, pictures, strict=True)]
+        return psnr(statistics.fmean(probe.samples.mean for probe in probes))
 
 
 def parser_of(description: str | None) -> argparse.ArgumentParser:

@@ -15,13 +15,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from measuring import PAGES, THREADS, machine_line, parser_of, section, write_page
+from measuring import PAGES, THREADS, SampledTruth, machine_line, parser_of, section, write_page
 
 import renderer
 from renderer.accuracy import (
     TRUTH_TOLERANCE,
-    ExactPixels,
-    FrameProber,
     Truth,
     compute_truth,
     measure_flicker,
@@ -40,8 +38,6 @@ FRAMES = (7, 8)
 TOLERANCE = 0.1
 # The tolerance of a suggested film when a pixel had one ray.
 BEFORE_TOLERANCE = 0.05
-# Pixels of each frame that are compared with exact rays where a whole truth would take many minutes.
-PROBES = 4096
 # The largest side of a picture that is compared with a whole truth, which alone tells flicker.
 LARGEST_WHOLE = 64
 # Scenes whose flicker at FLICKER_SIDE is measured, too: each takes minutes.
@@ -147,17 +143,8 @@ def squared_error(truth: Truth, picture: Float64) -> float:
 
 def sampled_comparison(stage: FilmStage) -> Comparison:
     """Return a function that compares pictures of both frames with exact rays through some pixels."""
-    prober = FrameProber(stage.first, PROBES, num_threads=THREADS)
-    exact = list[ExactPixels]()
-
-    def compare(pictures: list[Float64]) -> tuple[float, float | None]:
-        if not exact:
-            images = [np.rint(255 * picture).astype(np.uint8) for picture in pictures]
-            exact.extend(prober.exact_pixels(number, image) for number, image in zip(FRAMES, images, strict=True))
-        probes = [pixels.compare_picture(picture) for pixels, picture in zip(exact, pictures, strict=True)]
-        return psnr(statistics.fmean(probe.samples.mean for probe in probes)), None
-
-    return compare
+    truth = SampledTruth(stage, FRAMES)
+    return lambda pictures: (truth.psnr(pictures), None)
 
 
 def vessels() -> UInt8:
