@@ -135,7 +135,7 @@ class Room:
                 self.exact[frame.number] = self.prober.exact_pixels(frame.number, frame.image)
             samples = self.exact[frame.number].compare_radiance(frame.radiance).samples
             psnrs.append(psnr(samples.mean))
-            deviations.append(10 / math.log(10) * samples.deviation)
+            deviations.append(10 / math.log(10) * samples.deviation / samples.mean)
         return Drawn(psnrs, deviations, 1e3 * seconds / NUM_FRAMES)
 
 
