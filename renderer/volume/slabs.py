@@ -7,7 +7,8 @@ from typing import TypeVar
 
 from renderer.kernels import ThreadPool
 from renderer.system import num_cores
-from renderer.volume import Array, MappedFile, iter_slabs
+from renderer.volume.arrays import Array
+from renderer.volume.mapped_file import MappedFile, iter_slabs
 
 # The number of bytes of a slab; whole planes are taken. It is small enough that a slab stays in the processor's cache.
 _SLAB_BYTES = 1 << 20
@@ -22,7 +23,7 @@ def map_slabs(work: Callable[[int, Array], Result], values: Array, source: Mappe
     InputError if that file has changed.
     """
     num = max(1, _SLAB_BYTES // values[0].nbytes)
-    with ThreadPool(num_cores()) as pool:
+    with ThreadPool(min(num_cores(), -(-len(values) // num))) as pool:
         slabs = enumerate(iter_slabs(values, source, _SLAB_BYTES))
         found = pool.map(lambda each: work(each[0] * num, each[1]), slabs)
     if source is not None:
