@@ -136,6 +136,7 @@ def info(*, volume: Path | str, as_json: bool, reading: ReadingOptions) -> None:
     if reading.component == "all":
         raise InputError("this describes one component", where="--component all", hint="leave it out: all are listed")
     reporter = Reporter()
+    click.get_current_context().with_resource(reporter.passes())
     inside = expand_volumes([str(volume)])[0] if isinstance(volume, Path) and volume.is_dir() else []
     named = [(str(each), volume_spec(each, reading)) for each in inside]
     is_scene = isinstance(volume, Path) and volume.suffix.lower() in (".yaml", ".yml")

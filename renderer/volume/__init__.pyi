@@ -17,10 +17,9 @@ from .label import Label as Label
 from .mapped_file import (
     MappedFile as MappedFile,
     backing_file as backing_file,
-    iter_slabs as iter_slabs,
 )
 from .mask import meet_mask as meet_mask
-from .slabs import map_slabs as map_slabs
+from .slabs import iter_slabs as iter_slabs, map_slabs as map_slabs, watched_passes as watched_passes
 from .truncation_guard import guard_mapping as guard_mapping
 from .volume import (
     Volume as Volume,

@@ -11,7 +11,8 @@ import numpy as np
 
 from renderer.kernels import ThreadPool
 from renderer.volume.arrays import Array, Float64, UInt8
-from renderer.volume.mapped_file import MappedFile, iter_slabs
+from renderer.volume.mapped_file import MappedFile
+from renderer.volume.slabs import iter_slabs
 
 # The least number of bytes of voxels for which a second thread is started: the digest of fewer takes 0.2 ms.
 _LEAST_BYTES = 1 << 18

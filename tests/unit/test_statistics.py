@@ -72,7 +72,7 @@ def test_rebin_keeps_every_voxel_in_its_place(numbers, num_bins):
 @pytest.mark.parametrize("dtype", ["uint8", "int8", "uint16", "int16"])
 def test_counts_of_narrow_integers_in_several_slabs(dtype, monkeypatch):
     """Every slab counts, and slabs whose number of voxels is no multiple of any table's number."""
-    monkeypatch.setattr("renderer.volume.slabs._SLAB_BYTES", 1001)
+    monkeypatch.setattr("renderer.volume.slabs._SLAB_BYTES_OF_THREAD", 1001)
     ends = np.iinfo(dtype)
     values = np.random.default_rng(2).integers(max(ends.min, -300), min(ends.max, 300), (7, 11, 13)).astype(dtype)
     assert_as_numpy_has_it(values)
