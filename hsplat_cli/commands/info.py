@@ -100,6 +100,7 @@ class _VolumeFacts:
     maximum: float
     mean: float
     percentiles: dict[str, float]
+    sampled_voxels: int | None
     fingerprint: str
     histogram: dict[str, list[float]]
     far_values: list[dict[str, float]]
@@ -135,6 +136,7 @@ def info(*, volume: Path | str, as_json: bool, reading: ReadingOptions) -> None:
     if reading.component == "all":
         raise InputError("this describes one component", where="--component all", hint="leave it out: all are listed")
     reporter = Reporter()
+    click.get_current_context().with_resource(reporter.passes())
     inside = expand_volumes([str(volume)])[0] if isinstance(volume, Path) and volume.is_dir() else []
     named = [(str(each), volume_spec(each, reading)) for each in inside]
     is_scene = isinstance(volume, Path) and volume.suffix.lower() in (".yaml", ".yml")
@@ -218,6 +220,7 @@ def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion, time:
         maximum=statistics.maximum,
         mean=statistics.mean,
         percentiles={f"{percent:g}": value for percent, value in statistics.percentiles.items()},
+        sampled_voxels=statistics.num_counted if statistics.is_of_sample else None,
         fingerprint=volume.fingerprint,
         histogram={"counts": counts.tolist(), "edges": edges.tolist()},
         far_values=[
@@ -302,12 +305,18 @@ def _fact_lines(facts: _VolumeFacts, marks: str) -> list[str]:
         *(f"{'' if k else '  levels':<14} {_level(k, each)}" for k, each in enumerate(facts.levels)),
         f"  values       {low} to {high}{value}, mean {mean}",
         "  percentiles  " + "   ".join(f"{p}%: {_number(value)}" for p, value in facts.percentiles.items()),
+        *([f"  sample       {_sample_text(facts)}"] if facts.sampled_voxels else []),
         f"  fingerprint  {facts.fingerprint}",
         *(f"{'' if k else '  channels':<14} {_channel(k, each)}" for k, each in enumerate(facts.channels)),
         "",
         "  voxels by value, logarithmic",
         *_histogram(facts, marks),
     ]
+
+
+def _sample_text(facts: _VolumeFacts) -> str:
+    num = math.prod(facts.shape) - facts.without_data
+    return f"mean, percentiles and histogram are of {facts.sampled_voxels} of {num} voxels; the range is of all"
 
 
 def _level(number: int, level: VolumeLevel) -> str:

@@ -41,6 +41,7 @@ def init(*, volume: Path | str, output: Path | None, force: bool, film: FilmOpti
     that suits the values; it goes to the standard output: hsplat init scan.nrrd > scene.yaml
     """
     reporter = Reporter()
+    click.get_current_context().with_resource(reporter.passes())
     spec = volume_spec(volume, reading)
     if output is not None:  # checked before the volume is read, which may take long
         _require_output(output, force=force)

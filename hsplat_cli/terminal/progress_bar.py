@@ -18,6 +18,10 @@ _MIN_LINE_INTERVAL_S = 2.0
 
 # Shortest time between two updates of the line on a terminal, in seconds.
 _TERMINAL_INTERVAL_S = 0.1
+# A pass over voxels is shown once it has taken this long, in seconds.
+_PASS_DELAY_S = 1.0
+# The number of bytes of a step of a pass over voxels: a MiB.
+_PASS_UNIT = 1 << 20
 # Width of the progress bar on a terminal, in characters.
 _BAR_WIDTH = 20
 
@@ -27,7 +31,7 @@ class Progress:
 
     steps: the number of steps of equal cost, whose rate is shown, too; or the predicted work of each step, in any unit.
     label: the text before the progress. stream: None shows nothing. clock: a function that returns seconds. unit: the
-    plural noun of a step.
+    plural noun of a step. delay: how long nothing is shown, in seconds: of short work, nothing is.
     """
 
     def __init__(
@@ -37,7 +41,9 @@ class Progress:
         stream: TextIO | None,
         clock: Callable[[], float] = time.monotonic,
         unit: str = "frames",
+        delay: float = 0.0,
     ) -> None:
+        self._delay, self._is_shown = delay, False
         self._has_rate = isinstance(steps, int)
         self._work = [1.0] * steps if isinstance(steps, int) else list(steps)
         self._label, self._stream, self._clock, self._unit = printable(label), stream, clock, unit
@@ -46,7 +52,7 @@ class Progress:
         self._num_finished, self._finished_work, self._work_at_line = 0, 0.0, 0.0
         self._start = self._time_of_line = clock()
         self._first = (self._start, 0.0)  # time at which the first step was finished, and the work of that step
-        if self._is_terminal:
+        if self._is_terminal and not delay:
             self._show(self._start, "")
 
     def advance(self, note: str = "") -> None:
@@ -66,11 +72,11 @@ class Progress:
 
     def close(self) -> None:
         """End the bar's line on a terminal."""
-        if self._is_terminal:
+        if self._is_terminal and self._is_shown:
             print(file=self._stream, flush=True)
 
     def _show(self, now: float, note: str) -> None:
-        self._work_at_line, self._time_of_line = self._finished_work, now
+        self._work_at_line, self._time_of_line, self._is_shown = self._finished_work, now, True
         text = ", ".join(self._parts(now, printable(note)))
         if self._is_terminal:
             part, width = self._finished_part(0.0), shutil.get_terminal_size().columns - 1
@@ -96,11 +102,44 @@ class Progress:
         return (self._finished_work - since) / max(self._total_work, 1e-9)
 
     def _is_due(self, now: float) -> bool:
+        if now - self._start < self._delay:
+            return False
         waited = now - self._time_of_line
         if self._num_finished == len(self._work) or (self._is_terminal and waited >= _TERMINAL_INTERVAL_S):
             return True
         is_much = self._finished_part(self._work_at_line) >= _LINE_EVERY_FRACTION
         return waited >= _MIN_LINE_INTERVAL_S and (is_much or waited >= _MAX_LINE_INTERVAL_S)
+
+
+class PassProgress:
+    """Shows each pass over the voxels of a volume that takes longer than a second, in MiB.
+
+    stream: None shows nothing. clock: a function that returns seconds.
+    """
+
+    def __init__(self, stream: TextIO | None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream, self._clock = stream, clock
+        self._bar: Progress | None = None
+        self._num_finished = 0
+
+    def __call__(self, num_read: int, num_bytes: int) -> None:
+        """Show how many of the bytes of a pass were read; 0 begins a pass."""
+        if num_read == 0 or self._bar is None:
+            self.close()
+            steps, unit, self._num_finished = -(-num_bytes // _PASS_UNIT), "MiB", 0
+            self._bar = Progress(steps, "reading voxels", self._stream, self._clock, unit, _PASS_DELAY_S)
+        finished = -(-num_read // _PASS_UNIT)
+        for _ in range(self._num_finished, finished):
+            self._bar.advance()
+        self._num_finished = finished
+        if num_read == num_bytes:
+            self.close()
+
+    def close(self) -> None:
+        """End the line of the last pass."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
 
 
 def format_duration(seconds: float) -> str:

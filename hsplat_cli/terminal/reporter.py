@@ -7,13 +7,13 @@ breaks and other unprintable characters escaped, unless `join_lines` made it.
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Sequence
-from contextlib import AbstractContextManager, closing
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 
 import click
 
-from hsplat_cli.terminal.progress_bar import Progress
+from hsplat_cli.terminal.progress_bar import PassProgress, Progress
 from renderer.system import PrintableText, join_lines, printable
 
 
@@ -65,6 +65,14 @@ class Reporter:
             least 0, in any unit. unit: the plural noun of a step.
         """
         return closing(Progress(steps, label, None if self.is_quiet else sys.stderr, unit=unit))
+
+    @contextmanager
+    def passes(self) -> Iterator[None]:
+        """Show each pass over voxels that takes longer than a second, as `progress` does, in a `with` block."""
+        from renderer.volume import watched_passes
+
+        with closing(PassProgress(None if self.is_quiet else sys.stderr)) as watcher, watched_passes(watcher):
+            yield
 
 
 def format_table(rows: Sequence[Sequence[str]], right_aligned: Collection[int] = ()) -> PrintableText:

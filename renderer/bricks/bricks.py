@@ -135,11 +135,7 @@ def make_bricks(
     of labels are lit. Raises InputError if the volume's file was changed.
     """
     statistics = [NodeStatistics.empty(volume, level) for level in range(1, STREAMED_LEVELS + 1)]
-
-    def add_nodes(level: int, *nodes: Any) -> None:
-        statistics[level - 1].add(*nodes)
-
-    options |= {"light_grid": light_grid, "num_threads": num_threads, "on_nodes": add_nodes}
+    options |= {"light_grid": light_grid, "num_threads": num_threads, "streamed": [each.sums for each in statistics]}
     pyramid = build_pyramid(volume, transfer, **options)
     volume_range = volume.value_range()
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)

@@ -119,7 +119,7 @@ class StageMaker:
 
     def _read(self, spec: VolumeSpec) -> Volume:
         volume = read_volume(spec)
-        if self.known.get(spec, volume.fingerprint) != volume.fingerprint:
+        if spec in self.known and self.known[spec] != volume.fingerprint:
             what, hint = "this volume was changed while its film is made", "the same command draws all frames again"
             raise InputError(what, where=volume.name, hint=hint)
         return volume

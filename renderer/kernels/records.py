@@ -170,7 +170,7 @@ class SearchRules(NamedTuple):
 
 
 class VisibleNodes(NamedTuple):
-    """Arrays for the visible nodes of several groups. A group is 64 nodes, their 8 parents, and one root (nodes.cpp).
+    """Arrays for the visible nodes of several groups. A group is 64 nodes, their 8 parents, and one root (groups.h).
 
     Arrays have room for all nodes of all groups: first the lowest level of every group, then the middle level, then the
     roots. In the room of each level, its visible nodes come first, in Morton order.
@@ -183,10 +183,6 @@ class VisibleNodes(NamedTuple):
     # [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for nodes of level 1, whose
     # children are voxels.
     masks: NDArray[np.uint8]
-    # [n, 3]: the place (x, y, z) of each node, in widths of the node; empty if the caller needs no places.
-    cells: NDArray[np.int32]
-    # [n]: the number of voxels of each node; empty if the caller needs no numbers.
-    sizes: NDArray[np.int64]
     # [3]: the number of visible nodes on each level, over all groups: of lowest nodes, of parents, and of roots.
     counts: NDArray[np.int64]
     # [groups, 4]: the means of the channels of the root of each group of 73 nodes, visible or not.
@@ -196,6 +192,40 @@ class VisibleNodes(NamedTuple):
     # [groups, channels]: the variances of the root of each group of 73 nodes, in the channels that errors are measured
     # on.
     root_variances: NDArray[np.float64]
+
+
+class BrickSums(NamedTuple):
+    """Statistics of the nodes of one level, by brick (renderer/bricks/node_statistics.py), which kernels update."""
+
+    # [z, y, x, 3, 3, 3]: for each brick and each neighbour at -1, 0 and 1 along z, y, x, the largest error of the
+    # brick's nodes in the neighbour's halo. The middle entry is for all nodes of the brick.
+    max_error_by_neighbour: NDArray[np.float64]
+    # [z, y, x, 3, 3, 3, 2, 3]: the bounds of the visible ones among these nodes: the lowest place (x, y, z) in the
+    # brick, and one above the highest place; BRICK_SIZE and 0 if no node is visible.
+    bounds_by_neighbour: NDArray[np.uint8]
+    # [z, y, x]: the largest error of the nodes in each brick of the level below, half as wide.
+    max_error_below: NDArray[np.float64]
+    # [z, y, x]: for each brick of the level below, the sum of squared errors of its nodes, weighted by their numbers of
+    # voxels, and divided by the square of the largest error.
+    squared_errors_below: NDArray[np.float64]
+
+
+class StreamedLevel(NamedTuple):
+    """A level whose nodes are added to statistics, and not stored. The statistics are those of nodes as they would be
+    stored: of rounded errors, and of means that are not rounded to 0.
+    """
+
+    # The statistics to which the visible nodes of the level are added.
+    sums: BrickSums
+    # The factor from the root of a variance to an error in stored units: a power of two.
+    error_factor: float
+    # Whether errors are rounded to float16.
+    is_half: bool
+    # [n + 1]: the factor from an error in stored units to an error in the measure's unit, for each number of voxels of
+    # a node.
+    error_scales: NDArray[np.float64]
+    # The largest mean extinction or opacity of a node that rounds to 0.
+    most_invisible: float
 
 
 class TransferTable(NamedTuple):

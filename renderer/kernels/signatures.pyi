@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.records import (
+    BrickSums,
     Classifier,
     Grid,
     IndexRays,
@@ -18,6 +19,7 @@ from renderer.kernels.records import (
     ModelView,
     RaySetup,
     SearchRules,
+    StreamedLevel,
     TransferTable,
     VisibleNodes,
     Voxels,
@@ -259,6 +261,7 @@ class BuildBlocks(Protocol):
         leaf_variance_limits: NDArray[np.float64],
         occupied: NDArray[np.bool],
         occupied_level: int,
+        streamed: Sequence[StreamedLevel],
         nodes: VisibleNodes,
     ) -> BuildBlocksCall: ...
 
@@ -318,10 +321,7 @@ class Kernels:
         sizes: NDArray[np.int64],
         errors: NDArray[np.float64],
         is_visible: NDArray[np.bool],
-        max_error_by_neighbour: NDArray[np.float64],
-        bounds_by_neighbour: NDArray[np.uint8],
-        max_error_below: NDArray[np.float64],
-        squared_errors_below: NDArray[np.float64],
+        sums: BrickSums,
     ) -> None: ...
     def fill_scalar_texels(
         self,

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.scene import format_value
-from renderer.volume import Array, Volume, iter_slabs, joint_fingerprint
+from renderer.volume import Array, Fingerprint, Volume, iter_slabs, joint_fingerprint
 
 
 def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False) -> Volume:
@@ -50,8 +50,8 @@ def mask_volume(volume: Volume, mask: Volume, shown: Sequence[int]) -> Volume:
         if mask.shape_xyz == volume.shape_xyz:
             note = f"{note}; it has the shape of {volume.name}, and so its grid is taken"
             mask = replace(mask, world_from_index=volume.world_from_index, note=note)
-    fingerprint = joint_fingerprint([volume, mask])
-    return replace(volume, mask=number_labels(mask, shown, as_one=True), fingerprint=fingerprint)
+    digest = Fingerprint(volume.values, volume.world_from_index, text=joint_fingerprint([volume, mask]))
+    return replace(volume, mask=number_labels(mask, shown, as_one=True), digest=digest)
 
 
 def leave_out_masked(volume: Volume) -> Volume:

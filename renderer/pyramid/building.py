@@ -8,13 +8,13 @@ volume has to be kept until all blocks are built.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from renderer.kernels import Classifier, LightGrid, ThreadPool, VisibleNodes, kernels
+from renderer.kernels import BrickSums, Classifier, LightGrid, StreamedLevel, ThreadPool, VisibleNodes, kernels
 from renderer.pyramid.nodes import (
     BLOCK_SIZE,
     NODES_OF_GROUP,
@@ -41,12 +41,7 @@ from renderer.transfer import (
     make_classifier,
     raw_voxels,
 )
-from renderer.volume import Array, Bools, Float32, Float64, Int32, Int64, Volume
-
-# A function that is called with visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z),
-# their numbers of voxels [n], their errors [n] in the measure's unit, and their means [n, 4] as they would be stored.
-# It has to copy arrays that it keeps.
-NodeCallback = Callable[[int, Int32, Int64, Float64, Array], None]
+from renderer.volume import Array, Bools, Float32, Float64, Int64, Volume
 
 # The number of levels of the pyramid inside a block of 8^3 voxels: levels 1 to 3.
 BLOCK_LEVELS = 3
@@ -74,7 +69,7 @@ MIN_SCALAR_RANGE = 2.0**-1008
 TIER_LEVELS = 2
 
 # The number of levels, from level 1 on, that the pyramid of a volume drawn as bricks does not store. Their nodes are
-# passed to a callback as they are built.
+# added to statistics of bricks as they are built.
 STREAMED_LEVELS = 2
 
 # The factor on a tolerance that allows for the rounding of stored errors: an error below the product is also below the
@@ -94,21 +89,23 @@ def build_pyramid(
     light_grid: LightGrid = NO_LIGHT_GRID,
     num_threads: int = 2,
     finest_cut: FinestCut = EVERY_CUT,
-    on_nodes: NodeCallback | None = None,
+    streamed: Sequence[BrickSums] = (),
 ) -> Pyramid:
     """Build all levels of the pyramid in one pass over the voxels. The result does not depend on `num_threads`.
 
     light_grid: the light that reaches each place, for the shading.
     finest_cut: the bound of the cuts that will be made.
-    on_nodes: a function that is called with all visible nodes of the levels up to STREAMED_LEVELS, which are then not
-        stored. Several threads call it at a time. The nodes in a cube of 2^CUBE_LEVELS voxels a side come together.
+    streamed: statistics to which the visible nodes of the levels up to STREAMED_LEVELS are added, one for each level;
+        these nodes are then not stored.
 
     Raises InputError if the volume's file was changed.
     """
-    num_levels = max(1 if on_nodes is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
-    finest_cut = finest_cut if on_nodes is None else FinestCut(level=STREAMED_LEVELS + 1)
-    plan = replace(_plan_build(volume, transfer, spec, error, (shading, light_grid), finest_cut), on_nodes=on_nodes)
-    if on_nodes is None:
+    num_levels = max(BLOCK_LEVELS if streamed else 1, (max(volume.shape_xyz) - 1).bit_length())
+    finest_cut = FinestCut(level=STREAMED_LEVELS + 1) if streamed else finest_cut
+    plan = _plan_build(volume, transfer, spec, error, (shading, light_grid), finest_cut)
+    if streamed:
+        plan = replace(plan, streamed=_streamed_levels(plan, streamed))
+    else:
         plan = replace(plan, leaf_variance_limits=_leaf_variance_limits(plan, num_levels))
     tier, stored = _build_all_blocks(plan, num_threads)
     while len(stored) < num_levels:
@@ -129,7 +126,7 @@ class _Plan:
     error_factor: the factor from the root of a variance to an error in stored units.
     dtype: the dtype in which means and errors are stored.
     leaf_variance_limits: the variances below which nodes of level 2, and of level 3, are leaves in every cut.
-    on_nodes: as in `build_pyramid`.
+    streamed: the levels whose nodes are added to statistics and not stored, from level 1 on.
     """
 
     pyramid: Pyramid
@@ -138,7 +135,7 @@ class _Plan:
     error_factor: float
     dtype: type[np.float16] | type[np.float32]
     leaf_variance_limits: tuple[float, float] = (0.0, 0.0)
-    on_nodes: NodeCallback | None = None
+    streamed: tuple[StreamedLevel, ...] = ()
 
     @property
     def num_error_channels(self) -> int:
@@ -192,6 +189,27 @@ def _plan_build(
     )
     dtype = np.float16 if spec.precision == "half" else np.float32
     return _Plan(pyramid, error_classifier, normalization, error_factor, dtype)
+
+
+def _streamed_levels(plan: _Plan, streamed: Sequence[BrickSums]) -> tuple[StreamedLevel, ...]:
+    """Return the levels whose nodes are added to statistics, with the numbers by which kernels round as if they stored.
+
+    The largest mean depth that rounds to 0 is half of the smallest number above 0 that can be stored.
+    """
+    pyramid = plan.pyramid
+    most_invisible = pyramid.mean_unit * float(np.finfo(plan.dtype).smallest_subnormal) / 2
+    if pyramid.max_depth is not None:
+        most_invisible = -math.expm1(-most_invisible)
+
+    def scales(level: int) -> Float64:
+        nums = np.arange(8**level + 1)
+        return np.full(len(nums), error_scale(pyramid.volume, pyramid.measure, nums) * pyramid.error_unit)
+
+    is_half = plan.dtype == np.float16
+    return tuple(
+        StreamedLevel(sums, plan.error_factor, is_half, scales(level), most_invisible)
+        for level, sums in enumerate(streamed, 1)
+    )
 
 
 def _leaf_variance_limits(plan: _Plan, num_levels: int) -> tuple[float, float]:
@@ -270,12 +288,12 @@ class _Scratch(NamedTuple):
 
 
 def _make_scratch(plan: _Plan, num_blocks: int) -> _Scratch:
-    nodes = room_for_nodes(num_blocks, plan.num_error_channels, listed=plan.on_nodes is not None)
+    nodes = room_for_nodes(num_blocks, plan.num_error_channels)
     build = kernels().build_blocks.partial(
         raw=raw_voxels(plan.pyramid.volume), classifier=plan.pyramid.mean_classifier,
         error_classifier=plan.error_classifier, normalization=plan.normalization,
         leaf_variance_limits=np.array(plan.leaf_variance_limits), occupied=plan.pyramid.occupied,
-        occupied_level=plan.pyramid.occupied_level, nodes=nodes,
+        occupied_level=plan.pyramid.occupied_level, streamed=plan.streamed, nodes=nodes,
     )  # fmt: skip
     return _Scratch(nodes, build)
 
@@ -289,7 +307,7 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
     volume = plan.pyramid.volume
     cubes, first_blocks = _tasks(volume.shape_xyz)
     inside = [
-        Level.empty(0 if _is_streamed(plan, k) else first_blocks[-1] * num, plan.dtype, masked=k > 0)
+        Level.empty(0 if k < len(plan.streamed) else first_blocks[-1] * num, plan.dtype, masked=k > 0)
         for k, num in enumerate(NODES_OF_GROUP)
     ]
     most = int(np.diff(first_blocks).max())
@@ -330,28 +348,13 @@ def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scr
     Returns, for each level, the part of `targets` to which its visible nodes are stored; and the roots of the blocks,
     from which the next tier is made. targets: for each level, the part of its arrays for the blocks of the task.
     """
-    pyramid, (nodes, build), stored = plan.pyramid, scratch, []
-    cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
-    extents, visible = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz), np.empty(len(cells), np.bool_)
-    build(starts=cells * BLOCK_SIZE, extents=extents, visible=visible)
-    for part in range(BLOCK_LEVELS):
-        if plan.on_nodes is None or not _is_streamed(plan, part):
-            stored.append(_store_visible(plan, nodes, part, targets[part]))
-            continue
-        found = nodes_of_level(nodes, part)
-        target = Level.empty(found.stop - found.start, plan.dtype, masked=part > 0)
-        target, sizes = _store_visible(plan, nodes, part, target), nodes.sizes[found]
-        scales = error_scale(pyramid.volume, pyramid.measure, np.arange(8 ** (part + 1) + 1)) * pyramid.error_unit
-        scaled_errors = target.errors * (scales[sizes] if scales.ndim else scales)
-        plan.on_nodes(part + 1, nodes.cells[found], sizes, scaled_errors, target.means)
-        stored.append(targets[part])
-    roots = (array[: np.count_nonzero(visible)].copy() for array in nodes[-3:])
+    shape_xyz = plan.pyramid.volume.shape_xyz
+    cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, shape_xyz)
+    extents, visible = cell_extents(cells, BLOCK_LEVELS, shape_xyz), np.empty(len(cells), np.bool_)
+    scratch.build(starts=cells * BLOCK_SIZE, extents=extents, visible=visible)
+    stored = [_store_visible(plan, scratch.nodes, part, targets[part]) for part in range(BLOCK_LEVELS)]
+    roots = (array[: np.count_nonzero(visible)].copy() for array in scratch.nodes[-3:])
     return stored, _Tier(cells[visible], *roots)
-
-
-def _is_streamed(plan: _Plan, part: int) -> bool:
-    """Return whether the nodes of level `part + 1` are streamed and not stored."""
-    return plan.on_nodes is not None and part < STREAMED_LEVELS
 
 
 def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Level]]:

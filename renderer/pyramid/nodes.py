@@ -19,19 +19,16 @@ NODES_OF_GROUP = (64, 8, 1)
 BLOCK_SIZE = 8
 
 
-def room_for_nodes(num_groups: int, num_channels: int, *, listed: bool = False) -> VisibleNodes:
+def room_for_nodes(num_groups: int, num_channels: int) -> VisibleNodes:
     """Return arrays with room for the nodes of some groups; the numbers in the arrays are not set yet.
 
     num_channels: the number of channels that errors are measured on: 4, or 1 for scalars.
-    listed: whether cells and sizes get arrays, too; otherwise these two are empty.
     """
     num = num_groups * sum(NODES_OF_GROUP)
     return VisibleNodes(
         means=np.empty((num, 4), np.float32),
         deviations=np.empty(num, np.float32),
         masks=np.empty(num, np.uint8),
-        cells=np.empty((num * listed, 3), np.int32),
-        sizes=np.empty(num * listed, np.int64),
         counts=np.empty(len(NODES_OF_GROUP), np.int64),
         root_means=np.empty((num_groups, 4), np.float32),
         root_error_means=np.empty((num_groups, num_channels)),

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted
-from renderer.volume import Array, Bools, Float64, Int64, MappedFile, iter_slabs
+from renderer.volume import Array, Bools, Float64, Int64, MappedFile, iter_slabs, map_slabs
 
 # The fill values that programs write by convention: of GIS, netCDF, CF, GSLIB and Surfer, and the largest and smallest
 # numbers of the floating-point types.
@@ -84,19 +84,24 @@ def mark_absent(
         _require_finite(values, file, first_xyz)
         return values, 0, None
     if nodata == "auto":
-        own = find_fill_values(values, file)
+        finite = _finite_range(values, file)
+        own = _fill_values(values, file, finite)
         points = (*own, *_beyond_data(values, [each for each in elsewhere if each not in own], own))
     else:
         points = nodata
     ranges = [*(declared if nodata == "auto" else ()), *((point, point) for point in points)]
-    if values.dtype.kind != "f" and not ranges:
+    if not ranges and ((nodata == "auto" and not finite.num_others) or values.dtype.kind != "f"):
         return values, 0, None
-    nums = np.zeros(len(ranges) + 1, np.int64)  # the numbers of voxels in each range, and of NaN or infinite ones
-    for slab in iter_slabs(values, file):
-        nums += np.array([*(np.count_nonzero(_are_within(slab, each)) for each in ranges), _num_nonfinite(slab)])
-    if not nums.any():
+
+    def count(_: int, slab: Array) -> Int64:
+        """Return the numbers of voxels in each range, of NaN or infinite ones, and of all without data."""
+        of_ranges = (np.count_nonzero(_are_within(slab, each)) for each in ranges)
+        return np.array([*of_ranges, _num_nonfinite(slab), np.count_nonzero(_are_absent(slab, ranges))])
+
+    *each, num_absent = sum(map_slabs(count, values, file), np.zeros(len(ranges) + 2, np.int64))
+    nums = np.array(each)
+    if not num_absent:
         return values, 0, None
-    num_absent = sum(np.count_nonzero(_are_absent(slab, ranges)) for slab in iter_slabs(values, file))
     if num_absent == values.size:
         hint = None if nums[-1] else "`nodata: none` draws them"
         raise InputError("no voxel has data", got=_words(ranges, nums), expected="finite values", hint=hint)
@@ -227,16 +232,47 @@ def _sampled(values: Array) -> Float64:
 
 def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...]:
     """Return the fill values that the values alone reveal, in ascending order; values of one byte have none."""
+    return _fill_values(values, file, _finite_range(values, file))
+
+
+class _FiniteRange(NamedTuple):
+    """The smallest and the largest finite value of an array, infinite if there is none, and the number of others."""
+
+    low: float
+    high: float
+    num_others: int
+
+
+def _finite_range(values: Array, file: MappedFile | None) -> _FiniteRange:
+    """Return the range of the finite values of an array; of values of one byte, the range of their type."""
+    if values.dtype.itemsize == 1:
+        return _FiniteRange(float(np.iinfo(values.dtype).min), float(np.iinfo(values.dtype).max), 0)
+
+    def measure(_: int, slab: Array) -> _FiniteRange:
+        num = _num_nonfinite(slab)
+        finite = slab[np.isfinite(slab)] if num else slab
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (math.inf, -math.inf)
+        return _FiniteRange(low, high, num)
+
+    lows, highs, nums = zip(*map_slabs(measure, values, file), strict=True)
+    return _FiniteRange(min(lows), max(highs), sum(nums))
+
+
+def _fill_values(values: Array, file: MappedFile | None, finite: _FiniteRange) -> tuple[float, ...]:
+    """Return fill values as `find_fill_values` does. finite: the range of the finite values."""
     if values.dtype.itemsize == 1:
         return ()
     sample = _sampled(values)
-    extremes = [end for slab in _finite_slabs(values, file) for end in (float(slab.min()), float(slab.max()))]
-    sample = np.concatenate([sample[np.isfinite(sample)], [min(extremes), max(extremes)] if extremes else []])
+    sample = sample[np.isfinite(sample)]
+    if finite.low <= finite.high:
+        sample = np.append(sample, finite[:2])
     distinct, counts = np.unique(sample, return_counts=True)
     found = _usual_values(distinct, counts)
     distances = found | _far_values(distinct, counts, list(found))
+    if not distances:
+        return ()
     nums, nums_near = dict.fromkeys(distances, 0), dict.fromkeys(distances, 0)
-    for slab in _finite_slabs(values, file) if distances else ():
+    for slab in _finite_slabs(values, file):
         others = slab[~np.isin(slab, list(distances))]  # fill values may lie near each other
         for value, distance in distances.items():
             nums[value] += np.count_nonzero(slab == value)

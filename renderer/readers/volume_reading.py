@@ -135,7 +135,7 @@ def mix_steps(before: Volume, after: Volume, share: float) -> Volume:
         colors = np.rint(_between(before.colors, after.colors, share)).astype(np.uint8)
     made = make_volume(values, before.world_from_index, before.name, num_absent=num_absent, colors=colors)
     mixed = replace(before, values=values, num_absent=num_absent, colors=colors)
-    return replace(mixed, fingerprint=made.fingerprint, source=None)
+    return replace(mixed, digest=made.digest, source=None)
 
 
 def _between(before: Array, after: Array, share: float) -> Float64:

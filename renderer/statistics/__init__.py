@@ -5,8 +5,8 @@ its voxels, normalised; from it background, classes, labels, padding. Thresholds
 Nyul and Udupa 1999.
 
 - `histogram.py`: range, mean, histogram; `value_counts.py`: the same by counts of narrow integers; `percentiles.py`:
-  exact ranks; `isolated.py`: hot and dead pixels, which are left out of the range; `slabs.py`: a pass over all voxels
-  by several threads; `number_text.py`: values and shares as text.
+  exact ranks; `isolated.py`: hot and dead pixels, which are left out of the range;
+  `number_text.py`: values and shares as text.
 - `voxel_sample.py`: a sample of the voxels; `background.py`: the background and its noise; `padding.py`: zeros at the
   border, which are no background; `fill_value.py`: chooses the scalar that voxels without data get; `medium.py`: an
   even medium around the object; `coarse_cells.py`: voxels deep inside the visible part.

@@ -28,6 +28,10 @@ _MIN_OTHER_VALUES = 16
 # The largest number of rounds of the search for outliers. Far outliers hide nearer ones, which a later round finds.
 _MAX_ROUNDS = 3
 
+# Of more values than this, of types wider than 16 bits, suggestions count the values of some chunks. Counting 2^27
+# float32 numbers takes 1.1 s.
+MOST_COUNTED = 2**27
+
 # The number of values in a chunk of a volume. Chunks are read one by one, so that no float64 copy of the volume is
 # made.
 _CHUNK = 2**20
@@ -42,7 +46,9 @@ class Statistics:
 
     minimum, maximum: the exact range; int for integer volumes and float otherwise.
     mean: the mean of all values, computed in float64.
-    counts: int64 [n], the number of voxels in each bin.
+    num_voxels: the number of voxels that have data.
+    counts: int64 [n], the number of voxels in each bin. They may be of a sample, of fewer voxels than `num_voxels`; the
+        mean and percentiles are then of the same sample.
     bins: float64 [n], the middle of each bin; integers whose range fits 16 bits have a bin for every value.
     bin_width: the width of a bin, in data units.
     percentiles: for each percentage of PERCENTILES, the smallest value that at least this share of the voxels does not
@@ -56,6 +62,7 @@ class Statistics:
     minimum: int | float
     maximum: int | float
     mean: float
+    num_voxels: int
     counts: Int64
     bins: Float64
     bin_width: float
@@ -63,6 +70,16 @@ class Statistics:
     inner: tuple[int | float, int | float]
     outliers: tuple[OutlierValue, ...] = ()
     without_outliers: Statistics | None = None
+
+    @property
+    def num_counted(self) -> int:
+        """Return the number of voxels that were counted: all voxels that have data, or those of a sample."""
+        return int(self.counts.sum())
+
+    @property
+    def is_of_sample(self) -> bool:
+        """Return whether only some of the voxels were counted."""
+        return self.num_counted < self.num_voxels
 
 
 def safe_scale(minimum: float, maximum: float) -> float:
@@ -73,13 +90,14 @@ def safe_scale(minimum: float, maximum: float) -> float:
     return math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000))
 
 
-def compute_statistics(values: Array, source: MappedFile | None = None) -> Statistics:
+def compute_statistics(values: Array, source: MappedFile | None = None, *, may_sample: bool = False) -> Statistics:
     """Compute the statistics of integer or float values in bounded memory.
 
     values: any shape, C-contiguous, finite except NaN where there are no data; at least one is finite. source: the file
-    that the values are mapped from, if any. Raises InputError if that file has changed.
+    that the values are mapped from, if any. may_sample: whether a sample is enough if there are more than MOST_COUNTED
+    values; the same sample is taken each time. Raises InputError if that file has changed.
     """
-    measure = _measuring(values, source)
+    measure = _measuring(values, source, may_sample=may_sample)
     whole = others = measure(-math.inf, math.inf)
     outliers: list[OutlierValue] = []
     for _ in range(_MAX_ROUNDS):
@@ -94,18 +112,24 @@ def compute_statistics(values: Array, source: MappedFile | None = None) -> Stati
     return replace(whole, outliers=tuple(sorted(outliers, key=attrgetter("value"))), without_outliers=others)
 
 
-def _measuring(values: Array, source: MappedFile | None) -> Callable[[float, float], Statistics]:
+def _measuring(values: Array, source: MappedFile | None, *, may_sample: bool) -> Callable[[float, float], Statistics]:
     """Return a function of a range that returns the statistics of all values in the range, both ends included."""
     max_outliers = max(1, int(MAX_FRACTION * values.size))
     if has_narrow_integers(values.dtype):
         counted = count_values(values, source)
         return lambda low, high: _statistics_of_counts(counted.between(low, high), max_outliers)
-    chunks = partial(_chunks_of_data, values, source)
+    chunks = counted_chunks = partial(_chunks_of_data, values, source)
+    if may_sample and values.size > MOST_COUNTED:
+        some = partial(_chunks_of_data, values, source, -(-values.size // MOST_COUNTED))
+        if next(some(), None) is not None:
+            counted_chunks, max_outliers = some, max(1, int(MAX_FRACTION * MOST_COUNTED))
 
     def measure(low: float, high: float) -> Statistics:
         is_whole = low == -math.inf and high == math.inf
-        inside = chunks if is_whole else partial(_values_between, chunks, low, high)
-        return _statistics(values.dtype, inside, max_outliers)
+        whole, counted = (
+            each if is_whole else partial(_values_between, each, low, high) for each in (chunks, counted_chunks)
+        )
+        return _statistics(values.dtype, whole, counted, max_outliers)
 
     return measure
 
@@ -114,25 +138,34 @@ def _statistics_of_counts(counted: ValueCounts, max_outliers: int) -> Statistics
     """Return the statistics of values that are counted, as `_statistics` does."""
     bins = np.arange(counted.low, counted.high + 1, dtype=np.float64)
     ranked = _at_percents(PERCENTILES, counted.num_voxels, counted.at_ranks, max_outliers)
-    return Statistics(counted.low, counted.high, counted.mean(), counted.counts, bins, 1.0, *ranked)
+    return Statistics(counted.low, counted.high, counted.mean(), counted.num_voxels, counted.counts, bins, 1.0, *ranked)
 
 
-def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]:
-    """Yield the values of a volume in chunks, without the values that are NaN."""
-    for chunk in iter_slabs(values.reshape(-1), source, values.itemsize * _CHUNK):
+def _chunks_of_data(values: Array, source: MappedFile | None, every: int = 1) -> Iterator[Array]:
+    """Yield the values of a volume in chunks, without the values that are NaN.
+
+    every: of so many chunks in a row, one is yielded, at a random place that is always the same: at regular places, all
+        chunks might be of the same part of a plane.
+    """
+    places = np.random.default_rng(0)
+    for number, chunk in enumerate(iter_slabs(values.reshape(-1), source, values.itemsize * _CHUNK)):
+        if number % every == 0:
+            chosen = number + int(places.integers(every))
+        if number != chosen:
+            continue
         least = chunk.min()
         data = chunk if not math.isnan(least) else chunk[~np.isnan(chunk)]
         if data.size:
             yield data
 
 
-def _statistics(dtype: np.dtype[np.generic], chunks: Chunks, max_outliers: int) -> Statistics:
+def _statistics(dtype: np.dtype[np.generic], whole: Chunks, chunks: Chunks, max_outliers: int) -> Statistics:
     """Return the statistics of all values, without a search for outliers.
 
-    chunks: a function that begins a pass over all values, in chunks. max_outliers: the largest number of outliers at
-        each end of the range.
+    whole: a function that begins a pass over all values, in chunks. chunks: the same for the values that are counted.
+    max_outliers: the largest number of outliers at each end of the range, among the values that are counted.
     """
-    minimum, maximum, size = _extent(chunks)
+    minimum, maximum, num_voxels = _extent(whole)
     scale = np.float64(safe_scale(minimum, maximum))
     low, extent = minimum * scale, maximum * scale - minimum * scale
     is_counted = dtype.kind in "iu" and maximum - minimum < MAX_BINS
@@ -151,9 +184,10 @@ def _statistics(dtype: np.dtype[np.generic], chunks: Chunks, max_outliers: int) 
         if not is_counted:  # the single bin of a constant volume has the index 0
             index = ((chunk * scale - low) / (extent / MAX_BINS or 1.0)).astype(np.int64)
             counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
+    size = int(key_counts.sum())
     at_ranks = partial(values_at_ranks, counts=key_counts, ordered_keys=ordered_keys, chunks=chunks)
     ranked = _at_percents(PERCENTILES, size, at_ranks, max_outliers)
-    return Statistics(minimum, maximum, total / size / scale, counts, bins, width, *ranked)
+    return Statistics(minimum, maximum, total / size / scale, num_voxels, counts, bins, width, *ranked)
 
 
 def exact_percentiles(

@@ -8,8 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from renderer.statistics.slabs import map_slabs
-from renderer.volume import Array, Bools, Int64, MappedFile
+from renderer.volume import Array, Bools, Int64, MappedFile, map_slabs
 
 # At most this share of all voxels may be outliers at each end of the range. A larger share is no noise.
 MAX_FRACTION = 1e-3

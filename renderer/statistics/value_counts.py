@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.kernels import kernels
-from renderer.statistics.slabs import map_slabs
-from renderer.volume import Array, Int64, MappedFile
+from renderer.volume import Array, Int64, MappedFile, map_slabs
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ def _common_window(steps: Iterable[Volume]) -> tuple[tuple[float, float], Volume
 
 def suggest_window(volume: Volume) -> tuple[float, float]:
     """Return the lowest value of a channel that gives light, and the value from which on it has its full colour."""
-    statistics = compute_statistics(volume.values, volume.source)
+    statistics = compute_statistics(volume.values, volume.source, may_sample=True)
     shown = statistics.without_outliers or statistics
     if shown.minimum == shown.maximum:
         return float(shown.minimum), float(shown.minimum) + max(1.0, abs(shown.minimum))

@@ -133,7 +133,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
     margins = [min((_OUTLIER_MARGIN, *(gap / 2 for gap in gaps))) for gaps in (below, above)]
     low = sample.round_value(sample.denormalize(-margins[0]), margins[0])
     high = sample.round_value(sample.denormalize(1 + margins[1]), margins[1])
-    num = int(statistics.counts.sum())
+    num = statistics.num_voxels
     outlier_notes = tuple(
         f"{outlier.num} of {num} voxels {'is' if outlier.num == 1 else 'are'} {_values_text(outlier)}, far from "
         "all neighbours: taken for noise, and transparent"

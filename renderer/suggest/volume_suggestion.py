@@ -67,7 +67,7 @@ def read_in_colors(
             component, found = "color_alpha", alpha
     if component not in (volume.component, "color_alpha"):
         found = read(replace(volume, component=component))
-    return replace(volume, component=component), found, compute_statistics(found.values, found.source)
+    return replace(volume, component=component), found, compute_statistics(found.values, found.source, may_sample=True)
 
 
 def suggest_read(
@@ -86,6 +86,9 @@ def suggest_read(
     if volume.component == "color_alpha" and wish == NO_WISH:
         reason = "of the 4 components the last is alpha, which says how opaque each voxel is"
         suggestion = Suggestion(_COLORS, reason, TransferSpec(_ALPHA_POINTS), (), None)
+    if statistics.is_of_sample:
+        counted = f"counted on {statistics.num_counted} of {statistics.num_voxels} voxels"
+        suggestion = replace(suggestion, reason=f"{suggestion.reason}; {counted}")
     return VolumeSuggestion(volume, with_8_bit_colors(suggestion), found.num_absent > 0)
 
 

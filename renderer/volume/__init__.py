@@ -9,6 +9,8 @@ In: voxels [z, y, x] and an affine. Out: `Volume`, read-only. Voxels of large fi
 - `volume_level.py`: the facts about a level of resolution in a store
 - `mask.py`: a mask, prepared for kernels
 - `mapped_file.py`: voxels that stay in their file, and checks that it is unchanged
+- `slabs.py`: passes over all voxels, by one thread or several, and their progress
+- `fingerprint.py`: a digest of the voxels, computed when it is first asked for
 - `truncation_guard.py`: a guard against mapped files that become shorter
 - `connected_parts.py`: the connected parts of a grid of cells
 - `arrays.py`: names for types of arrays, for all rooms, and reductions of blocks of arrays

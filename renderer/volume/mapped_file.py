@@ -8,7 +8,6 @@ use these.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,9 +16,6 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.volume.arrays import Array
-
-# The number of bytes that a pass over a whole volume reads at a time; whole planes are read.
-_SLAB_BYTES = 16 << 20
 
 # The hint of errors about changed files.
 _HINT = "large volumes are read from their files while they are drawn: start again, and do not change this file"
@@ -77,17 +73,3 @@ def backing_file(values: Array) -> MappedFile | None:
         return None
     path = Path(root.filename).absolute()
     return MappedFile(path, _file_state(path))
-
-
-def iter_slabs(values: Array, source: MappedFile | None, num_bytes: int = _SLAB_BYTES) -> Iterator[Array]:
-    """Yield the values [z, y, x] as slabs of a few planes.
-
-    Raises InputError if the file of the values was changed, which is checked before each slab and at the end.
-    """
-    num = max(1, num_bytes // values[0].nbytes)
-    for first in range(0, len(values), num):
-        if source is not None:
-            source.require_unchanged()
-        yield values[first : first + num]
-    if source is not None:
-        source.require_unchanged()

@@ -13,9 +13,11 @@ import numpy as np
 from renderer.kernels import MaskGrid
 from renderer.volume.arrays import Array, Bools, Float64, UInt8
 from renderer.volume.channel import Channel
+from renderer.volume.fingerprint import Fingerprint, joined_range, slab_range
 from renderer.volume.label import Label
-from renderer.volume.mapped_file import MappedFile, iter_slabs
+from renderer.volume.mapped_file import MappedFile
 from renderer.volume.mask import make_mask_grid, shown_voxels
+from renderer.volume.slabs import map_slabs
 from renderer.volume.volume_level import VolumeLevel
 
 
@@ -28,8 +30,7 @@ class Volume:
     world_from_index: float64 [4, 4], the affine from voxel indices (x, y, z) to the world. Voxel centres sit at integer
         indices, and the volume covers [-1/2, n - 1/2] per axis.
     name: the name of the volume in messages.
-    fingerprint: the hexadecimal digest of voxels, dtype, shape and affine, which is equal for equal volumes from
-        different files.
+    digest: the fingerprint, which is computed when it is first asked for.
     source: the file from which the values are mapped; None for values in memory. Call `require_unchanged` before
         reading values, and again before using them.
     num_absent: the number of absent voxels.
@@ -53,7 +54,7 @@ class Volume:
     values: Array
     world_from_index: Float64
     name: str
-    fingerprint: str
+    digest: Fingerprint
     source: MappedFile | None = None
     num_absent: int = 0
     file_spacing: tuple[float, float, float] | None = None
@@ -72,22 +73,30 @@ class Volume:
     value_unit: str = ""
     levels: tuple[VolumeLevel, ...] = ()
 
+    @property
+    def fingerprint(self) -> str:
+        """Return the hexadecimal digest of voxels, dtype, shape and affine, equal for equal volumes of different files.
+
+        The first call passes over all values. Raises InputError if the volume's file has changed.
+        """
+        return self.digest.text()
+
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""
         if self.source is not None:
             self.source.require_unchanged()
 
     def value_range(self) -> tuple[float, float]:
-        """Return the smallest and the largest value without absent voxels. The first call passes over all values."""
+        """Return the smallest and the largest value without absent voxels. The first call passes over all values.
+
+        Values that were read for the fingerprint are not read again.
+        """
         return self._value_range
 
     @cached_property
     def _value_range(self) -> tuple[float, float]:
-        slabs = iter_slabs(self.values, self.source)
-        if self.num_absent:
-            slabs = (slab[~np.isnan(slab)] for slab in slabs)
-        ends = [(float(slab.min()), float(slab.max())) for slab in slabs if slab.size]
-        return min(low for low, _ in ends), max(high for _, high in ends)
+        known = self.digest.range_of(self.values)
+        return known or joined_range(map_slabs(lambda _, slab: slab_range(slab), self.values, self.source))
 
     @cached_property
     def are_absent(self) -> Bools:
@@ -157,7 +166,7 @@ def make_volume(
 
     values: [z, y, x], native byte order, C-contiguous, an integer or float dtype; finite, except for `num_absent` NaN.
     world_from_index: float64 [4, 4]. colors: the colours of voxels, None for a volume of scalars.
-    source: the file from which the values are mapped, if any. Raises InputError if it has changed.
+    source: the file from which the values are mapped, if any.
     """
     assert values.ndim == 3, values.shape
     assert values.flags.c_contiguous, values.strides
@@ -166,14 +175,10 @@ def make_volume(
     # Adding 0.0 turns -0.0 into 0.0, so that equal affines have equal bytes.
     placed = np.array(world_from_index, np.float64) + 0.0
     placed.flags.writeable = False
-    digest = hashlib.blake2b(f"{values.dtype.name} {values.shape}".encode(), digest_size=16)
-    digest.update(placed.data.cast("B"))
-    for slab in iter_slabs(values, source):
-        digest.update(slab.data.cast("B"))
     if colors is not None:
         colors.flags.writeable = False
-        digest.update(colors.data.cast("B"))
-    return Volume(values, placed, name, digest.hexdigest(), source, num_absent, colors=colors)
+    digest = Fingerprint(values, placed, source, colors)
+    return Volume(values, placed, name, digest, source, num_absent, colors=colors)
 
 
 def sampled_volume(volume: Volume, most: int) -> Volume:
@@ -198,10 +203,11 @@ def move_volume(volume: Volume, matrix: Float64) -> Volume:
     """
     placed = np.asarray(matrix @ volume.world_from_index, np.float64) + 0.0
     placed.flags.writeable = False
-    digest = hashlib.blake2b(volume.fingerprint.encode("ascii") + placed.tobytes(), digest_size=16)
+    text = hashlib.blake2b(volume.fingerprint.encode("ascii") + placed.tobytes(), digest_size=16).hexdigest()
     turns = np.diag(matrix[:3, :3]) < math.cos(math.radians(30)) * np.linalg.norm(matrix[:3, :3], axis=0)
     axes = "" if turns.any() else volume.world_axes
-    moved = replace(volume, world_from_index=placed, fingerprint=digest.hexdigest(), world_axes=axes)
+    digest = Fingerprint(volume.values, placed, text=text)
+    moved = replace(volume, world_from_index=placed, digest=digest, world_axes=axes)
     return replace(moved, has_lengths=True)  # a matrix is given in world lengths, which are then known
 
 

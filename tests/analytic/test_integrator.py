@@ -100,7 +100,7 @@ def test_skipped_macrocells_are_transparent(shape: tuple[int, int, int], dtype: 
     values = np.where(rng.uniform(size=shape) < 0.03, 100, 10).astype(dtype)
     values.flat[rng.integers(values.size)] = 100
     values.flags.writeable = False
-    sparse = Volume(values, oblique(), "test", "")
+    sparse = make_volume(values, oblique(), "test")
     shell = transfer_of(
         (10, (1, 0, 0), 0), (60, (1, 0, 0), 0), (60, (0, 1, 0.5), 3), (70, (0, 0, 1), 0), (100, (1, 1, 1), 0)
     )

@@ -16,7 +16,7 @@ from renderer.pyramid import Cut, build_pyramid, cut_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
 from renderer.transfer import MAX_VOXEL_DEPTH, make_transfer_function
-from renderer.volume import Float32, Volume, make_volume
+from renderer.volume import Fingerprint, Float32, Volume, make_volume
 
 mpmath.mp.dps = 50
 
@@ -68,7 +68,8 @@ def column_depth(depth: Float32, level: int, spacing: float) -> float:
     """
     side = 1 << NUM_DOUBLINGS
     empty = np.broadcast_to(np.uint8(0), (side, side, side))
-    of = Volume(empty, np.diag([spacing, spacing, spacing, 1.0]), "a cube", "")
+    placed = np.diag([spacing, spacing, spacing, 1.0])
+    of = Volume(empty, placed, "a cube", Fingerprint(empty, placed))
     cell = Cut(np.array([level], np.uint8), np.zeros((1, 3), np.int32), depth[None], of)
     splats = make_splats(cell, SplatSpec())
     return float(splats.vertices[0, 6]) * splats.model_unit**2 / (spacing * 2.0**level) ** 2

@@ -17,7 +17,7 @@ from renderer.errors import HsplatError
 from renderer.readers import check_lengths, errors_about
 from renderer.scene import CameraSpec, TurntablePath
 from renderer.view import fit_distance, make_view
-from renderer.volume import Volume, make_volume
+from renderer.volume import make_volume
 
 _, *_PARTS = Path(__file__).with_name("library.txt").read_text("utf-8").split("=== ")
 MESSAGES = dict(part.split("\n", 1) for part in _PARTS)
@@ -47,7 +47,7 @@ def integrate_to_zero_error() -> None:
     voxels.flags.writeable = False
     empty = SimpleNamespace(values=np.zeros(1), colors=np.zeros((1, 3)), extinctions=np.zeros(1))
     view = make_view(CAMERA, 0, ORIGIN, 9.0, (2, 1))
-    converged_image(Volume(voxels, np.eye(4), "cube.nrrd", ""), empty, view, tolerance=0.0)
+    converged_image(make_volume(voxels, np.eye(4), "cube.nrrd"), empty, view, tolerance=0.0)
 
 
 def place_a_splat_nowhere() -> None:

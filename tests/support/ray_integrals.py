@@ -13,7 +13,7 @@ from renderer.scene import CameraSpec, ShadingSpec, TurntablePath, Vector
 from renderer.transfer import TransferFunction
 from renderer.truth import Convergence, Progress, RayIntegrator, TrueLayer, ignore, pixel_centres, rays_through
 from renderer.view import View, make_view
-from renderer.volume import Float64, Volume
+from renderer.volume import Float64, Volume, make_volume
 
 # The largest error that rounding of float64 causes in sums over a few hundred cells.
 EXACT = 1e-13
@@ -22,7 +22,7 @@ EXACT = 1e-13
 def volume(values: npt.ArrayLike, world_from_index: Float64 | None = None) -> Volume:
     voxels = np.array(values, float)
     voxels.flags.writeable = False  # as in every Volume; the kernels are compiled for that
-    return Volume(voxels, np.eye(4) if world_from_index is None else world_from_index, "test", "")
+    return make_volume(voxels, np.eye(4) if world_from_index is None else world_from_index, "test")
 
 
 def oblique() -> Float64:

@@ -236,3 +236,13 @@ TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 )
 def test_the_direction_is_described(axes, words):
     assert describe_direction(axes) == words
+
+
+def test_a_sample_of_a_large_volume_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("renderer.statistics.histogram._CHUNK", 1000)
+    monkeypatch.setattr("renderer.statistics.histogram.MOST_COUNTED", 7000)
+    np.save(tmp_path / "a.npy", np.random.default_rng(2).random((30, 30, 30), np.float32))
+    text, facts = run(str(tmp_path / "a.npy")), facts_of(str(tmp_path / "a.npy"))
+    assert "  sample       mean, percentiles and histogram are of 7000 of 27000 voxels; the range is of all" in text
+    assert facts["sampled_voxels"] == 7000 and facts["reason"].endswith("; counted on 7000 of 27000 voxels")
+    assert facts_of(str(tmp_path / "a.npy"))["percentiles"] == facts["percentiles"]

@@ -4,9 +4,11 @@ import io
 import re
 import sys
 
+import numpy as np
 import pytest
 
-from hsplat_cli.terminal import Progress, Reporter
+from hsplat_cli.terminal import PassProgress, Progress, Reporter
+from renderer.volume import iter_slabs, map_slabs, watched_passes
 
 
 class Terminal(io.StringIO):
@@ -111,3 +113,36 @@ def test_the_progress_of_a_film_of_any_name_is_printable(stream: io.StringIO) ->
     assert pieces
     assert all(piece.isprintable() for piece in pieces)
     assert all(piece.startswith(r"\x1b[2J\u202e\nengine.mp4: done\r: ") for piece in pieces)
+
+
+def passes_shown(stream: io.StringIO, *seconds: float) -> str:
+    """Return what is shown of passes over 4.5 MiB that take these seconds, a fifth for each MiB or part of it."""
+    now, size = [0.0], 9 << 19
+    progress = PassProgress(stream, lambda: now[0])
+    for each in seconds:
+        progress(0, size)
+        for done in range(1, 6):
+            now[0] += each / 5
+            progress(min(done << 20, size), size)
+    progress.close()
+    return stream.getvalue()
+
+
+def test_passes_over_voxels_are_shown_once_they_take_a_second() -> None:
+    assert passes_shown(io.StringIO(), 0.9, 0.9) == passes_shown(Terminal(), 0.9, 0.9) == ""
+    assert passes_shown(io.StringIO(), 0.9, 2.0, 0.5) == "reading voxels: 5/5 MiB, 2.50 MiB/s\n"
+    on_terminal = passes_shown(Terminal(), 2.0, 0.5)
+    assert on_terminal.count("\r") == 3 and on_terminal.count("\n") == 1 and "3/5 MiB" in on_terminal
+
+
+@pytest.mark.parametrize("shape", [(5, 40, 30), (6000,), (1, 1, 1)])
+def test_passes_tell_their_bytes(shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("renderer.volume.slabs._SLAB_BYTES_OF_THREAD", 5000)
+    values, told = np.ones(shape, np.float32), list[tuple[int, int]]()
+    with watched_passes(lambda *each: told.append(each)):
+        assert sum(each.size for each in iter_slabs(values, None, 5000)) == values.size
+        by_one, told[:] = [*told], []
+        assert sum(map_slabs(lambda _, slab: slab.size, values, None)) == values.size
+    map_slabs(lambda _, slab: slab.size, values, None)  # nobody watches
+    assert by_one == told and told == sorted(told)
+    assert told[0] == (0, values.nbytes) and told[-1] == (values.nbytes, values.nbytes)

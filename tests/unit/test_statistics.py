@@ -72,9 +72,35 @@ def test_rebin_keeps_every_voxel_in_its_place(numbers, num_bins):
 @pytest.mark.parametrize("dtype", ["uint8", "int8", "uint16", "int16"])
 def test_counts_of_narrow_integers_in_several_slabs(dtype, monkeypatch):
     """Every slab counts, and slabs whose number of voxels is no multiple of any table's number."""
-    monkeypatch.setattr("renderer.statistics.slabs._SLAB_BYTES", 1001)
+    monkeypatch.setattr("renderer.volume.slabs._SLAB_BYTES_OF_THREAD", 1001)
     ends = np.iinfo(dtype)
     values = np.random.default_rng(2).integers(max(ends.min, -300), min(ends.max, 300), (7, 11, 13)).astype(dtype)
     assert_as_numpy_has_it(values)
     statistics = compute_statistics(values)
     np.testing.assert_array_equal(statistics.counts, np.bincount(values.ravel().astype(int) - int(values.min())))
+
+
+@pytest.mark.parametrize("dtype", ["float32", "int32", "float64"])
+def test_a_sample_of_many_voxels(dtype, monkeypatch):
+    """The range is of all voxels; counts and percentiles are of a part, the same each time, and near those of all."""
+    monkeypatch.setattr("renderer.statistics.histogram._CHUNK", 500)
+    monkeypatch.setattr("renderer.statistics.histogram.MOST_COUNTED", 10000)
+    values = np.random.default_rng(3).integers(0, 10**6, (40, 40, 40)).astype(dtype)
+    values[3, 4, 5], values[30, 4, 5] = -20000, 1020000
+    whole, some = compute_statistics(values), compute_statistics(values, may_sample=True)
+    assert (some.minimum, some.maximum, some.num_voxels) == (-20000, 1020000, 64000)
+    assert not whole.is_of_sample and some.is_of_sample and 8000 <= some.num_counted <= 10000
+    assert some.mean == pytest.approx(whole.mean, rel=0.02)
+    assert some.percentiles == pytest.approx(whole.percentiles, rel=0.02, abs=5000)
+    again = compute_statistics(values, may_sample=True)
+    assert again.percentiles == some.percentiles and np.array_equal(again.counts, some.counts)
+
+
+def test_all_voxels_count_if_a_sample_has_no_data_or_values_are_narrow(monkeypatch):
+    monkeypatch.setattr("renderer.statistics.histogram._CHUNK", 10)
+    monkeypatch.setattr("renderer.statistics.histogram.MOST_COUNTED", 100)
+    sparse = np.full((10, 10, 10), np.nan, np.float32)
+    sparse[9, 9, 9] = 7
+    assert compute_statistics(sparse, may_sample=True).num_counted == 1
+    narrow = compute_statistics(np.arange(1000, dtype=np.int16).reshape(10, 10, 10), may_sample=True)
+    assert narrow.num_counted == narrow.num_voxels == 1000

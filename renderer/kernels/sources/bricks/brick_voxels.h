@@ -1,7 +1,7 @@
 // Read bricks of voxels and their surroundings (renderer/bricks/layout.py).
 #pragma once
 #include "bricks/kernels.h"
-#include "bricks/layout.h"
+#include "pyramid/brick_layout.h"
 #include "volume/voxels.h"
 
 namespace {

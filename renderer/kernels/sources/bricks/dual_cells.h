@@ -2,7 +2,7 @@
 #pragma once
 #include "base/lanes.h"
 #include "bricks/brick_voxels.h"
-#include "bricks/layout.h"
+#include "pyramid/brick_layout.h"
 
 namespace {
 

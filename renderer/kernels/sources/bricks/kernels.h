@@ -1,6 +1,6 @@
 // The structs that the kernels of this folder take (base/kernels.h).
 #pragma once
-#include "transfer/kernels.h"
+#include "pyramid/kernels.h"
 
 // The voxels of a volume, from which kernels make bricks.
 struct Voxels {
@@ -50,7 +50,7 @@ struct MeasureRanges {
 };
 KERNEL(measure_ranges, MeasureRanges)
 
-// Add nodes to the statistics of bricks (NodeStatistics in renderer/bricks/node_statistics.py).
+// Add nodes to the statistics of bricks.
 struct AddNodes {
     // [n, 3]: the place (x, y, z) of each node, in widths of a node.
     Array<const int32_t, 2> cells;
@@ -60,18 +60,8 @@ struct AddNodes {
     Array<const double, 1> errors;
     // [n]: whether each node is visible.
     Array<const bool, 1> is_visible;
-    // [z, y, x, 3, 3, 3]: the largest error of each brick's nodes in the halo of each neighbour, as in NodeStatistics.
-    // The array is updated.
-    Array<double, 6> max_error_by_neighbour;
-    // [z, y, x, 3, 3, 3, 2, 3]: the bounds of each brick's visible nodes in the halo of each neighbour, as in
-    // NodeStatistics. The array is updated.
-    Array<uint8_t, 8> bounds_by_neighbour;
-    // [z, y, x]: the largest error of the nodes in each brick of the level below, as in NodeStatistics. The array is
-    // updated.
-    Array<double, 3> max_error_below;
-    // [z, y, x]: the sum of squared errors of the nodes in each brick of the level below, as in NodeStatistics. The
-    // array is updated.
-    Array<double, 3> squared_errors_below;
+    // The statistics to which the nodes are added.
+    BrickSums sums;
 };
 KERNEL(add_nodes, AddNodes)
 

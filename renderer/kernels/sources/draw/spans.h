@@ -1,6 +1,6 @@
 // The tiles of a pixel grid, and spans: the parts of the rays of a tile that are inside a brick.
 #pragma once
-#include "bricks/layout.h"
+#include "pyramid/brick_layout.h"
 #include "draw/rays.h"
 
 // The position of a brick's lowest corner, in texels from the centre of texel 0.

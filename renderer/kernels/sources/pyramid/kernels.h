@@ -2,7 +2,7 @@
 #pragma once
 #include "transfer/kernels.h"
 
-// Arrays for the visible nodes of several groups. A group is 64 nodes, their 8 parents, and one root (nodes.cpp).
+// Arrays for the visible nodes of several groups. A group is 64 nodes, their 8 parents, and one root (groups.h).
 //
 // Arrays have room for all nodes of all groups: first the lowest level of every group, then the middle level, then the
 // roots. In the room of each level, its visible nodes come first, in Morton order.
@@ -14,10 +14,6 @@ struct VisibleNodes {
     // [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for nodes of level 1, whose
     // children are voxels.
     Array<uint8_t, 1> masks;
-    // [n, 3]: the place (x, y, z) of each node, in widths of the node; empty if the caller needs no places.
-    Array<int32_t, 2> cells;
-    // [n]: the number of voxels of each node; empty if the caller needs no numbers.
-    Array<int64_t, 1> sizes;
     // [3]: the number of visible nodes on each level, over all groups: of lowest nodes, of parents, and of roots.
     Array<int64_t, 1> counts;
     // [groups, 4]: the means of the channels of the root of each group of 73 nodes, visible or not.
@@ -27,6 +23,37 @@ struct VisibleNodes {
     // [groups, channels]: the variances of the root of each group of 73 nodes, in the channels that errors are measured
     // on.
     Array<double, 2> root_variances;
+};
+
+// Statistics of the nodes of one level, by brick (renderer/bricks/node_statistics.py), which kernels update.
+struct BrickSums {
+    // [z, y, x, 3, 3, 3]: for each brick and each neighbour at -1, 0 and 1 along z, y, x, the largest error of the
+    // brick's nodes in the neighbour's halo. The middle entry is for all nodes of the brick.
+    Array<double, 6> max_error_by_neighbour;
+    // [z, y, x, 3, 3, 3, 2, 3]: the bounds of the visible ones among these nodes: the lowest place (x, y, z) in the
+    // brick, and one above the highest place; BRICK_SIZE and 0 if no node is visible.
+    Array<uint8_t, 8> bounds_by_neighbour;
+    // [z, y, x]: the largest error of the nodes in each brick of the level below, half as wide.
+    Array<double, 3> max_error_below;
+    // [z, y, x]: for each brick of the level below, the sum of squared errors of its nodes, weighted by their numbers of
+    // voxels, and divided by the square of the largest error.
+    Array<double, 3> squared_errors_below;
+};
+
+// A level whose nodes are added to statistics, and not stored. The statistics are those of nodes as they would be
+// stored: of rounded errors, and of means that are not rounded to 0.
+struct StreamedLevel {
+    // The statistics to which the visible nodes of the level are added.
+    BrickSums sums;
+    // The factor from the root of a variance to an error in stored units: a power of two.
+    float error_factor;
+    // Whether errors are rounded to float16.
+    bool is_half;
+    // [n + 1]: the factor from an error in stored units to an error in the measure's unit, for each number of voxels of
+    // a node.
+    Array<const double, 1> error_scales;
+    // The largest mean extinction or opacity of a node that rounds to 0.
+    double most_invisible;
 };
 
 // Build the nodes of blocks of 8^3 voxels: levels 1 to 3 of the pyramid.
@@ -48,13 +75,15 @@ struct BuildBlocks {
     Array<bool, 3> occupied;
     // The level of the cells of `occupied`, which are 2^level voxels wide.
     int64_t occupied_level;
-    // [n, 3]: the place (x, y, z) of the first voxel of each block.
+    // The lowest levels, from level 1 on, if their nodes are not stored. A brick's nodes then come in one call.
+    Array<const StreamedLevel, 1> streamed;
+    // [n, 3]: the place (x, y, z) of the first voxel of each block, in Morton order.
     EACH_CALL Array<const int64_t, 2> starts;
     // [n, 3]: the number of voxels (x, y, z) of each block that are inside the volume.
     EACH_CALL Array<const int64_t, 2> extents;
     // [n]: whether each block may show something. Only these blocks have nodes.
     EACH_CALL Array<bool, 1> visible;
-    // The visible nodes of the blocks, which the kernel writes.
+    // The visible nodes of the blocks, without streamed levels, which the kernel writes.
     VisibleNodes nodes;
 };
 LONG_KERNEL(build_blocks, BuildBlocks)

@@ -1,178 +1,12 @@
-// Turn voxels into nodes, merge nodes, and list the visible ones.
-//
-// Two neighbours a and b, of which b holds the share h of the voxels, are merged into
-//
-//     mean = a + h (b - a)        variance = va + h (vb - va) + h (1 - h) (b - a)^2
-//
-// along x, then y, then z. This is the merge of Chan, Golub, LeVeque 1979 ("Updating formulae and a pairwise algorithm
-// for computing sample variances") divided by the count. It takes no difference of large squares, so a variance is
-// never negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2. If the border
-// cuts a node, the shares of voxels inside the volume differ along the three axes; if b has no voxels, h is 0.
-//
-// Nodes come in groups: 64 nodes, their 8 parents, and the root. The levels 1, 2, 3 of a block of 8^3 voxels are a
-// group; the roots of up to 64 groups are the 64 nodes of a larger group. On each level of a group, and among the 512
-// voxels, the child k = x + 2 y + 4 z of node i is at k n + i, with n the number of nodes: children are merged as eight
-// contiguous rows, which becomes vector code. The 64 are then in Morton order with the two octal digits exchanged, the
-// 8 in Morton order. The channels of a node lie together; each has its own variance.
+// Turn voxels into nodes, merge nodes (groups.h), and list the visible ones.
 #include "pyramid/kernels.h"
 #include "base/stopping.h"
 #include "transfer/classify.h"
+#include "pyramid/brick_sums.h"
 #include "pyramid/empty_space.h"
+#include "pyramid/groups.h"
 
 namespace {
-
-// The number of voxels along each side of a block.
-constexpr int64_t BLOCK_SIZE = 8;
-// The number of voxels in a block.
-constexpr int64_t BLOCK_VOXELS = 512;
-// The number of levels of nodes in a group.
-constexpr int64_t NUM_LEVELS = 3;
-// The number of nodes on each level of a group, from the lowest level up.
-constexpr int64_t NUM_NODES[NUM_LEVELS] = {64, 8, 1};
-// The index in a group of the first node of each level: the nodes of lower levels come before it.
-constexpr int64_t FIRST_NODE[NUM_LEVELS] = {0, 64, 72};
-// The number of nodes on all levels of a group.
-constexpr int64_t NODES_OF_GROUP = 73;
-
-// The number of channels of a node: four channels in float32 (T is float), or one scalar in float64 (T is double).
-template <class T>
-constexpr int64_t NUM_CHANNELS = sizeof(T) == sizeof(float) ? 4 : 1;
-
-// Return the part that a voxel's coordinate in its block adds to the voxel's index among the block's 512 voxels: the
-// lowest bit of the coordinate selects the child of a node, the highest bit the largest parent.
-INLINE int64_t voxel_offset(int64_t x) { return 64 * (x & 1) + 8 * (x >> 1 & 1) + (x >> 2); }
-
-INLINE int64_t voxel_offset(int64_t x, int64_t y, int64_t z) {
-    return voxel_offset(x) + 2 * voxel_offset(y) + 4 * voxel_offset(z);
-}
-
-// Return the index, on its level, of the node that is n-th in Morton order.
-INLINE int64_t node_in_order(int64_t n, int64_t num_nodes) { return num_nodes == 64 ? (n & 7) << 3 | n >> 3 : n; }
-
-// The mean and the variance of one channel over the voxels of a node.
-template <class T>
-struct Moments {
-    T mean;
-    T variance;
-};
-
-// Return the mean and the variance over two neighbours together. h: the share of their voxels that `b` holds.
-template <class T>
-INLINE Moments<T> merge_two(Moments<T> a, Moments<T> b, T h) {
-    T d = b.mean - a.mean;
-    return {a.mean + h * d, a.variance + h * (b.variance - a.variance) + (h - h * h) * (d * d)};
-}
-
-// The shares h by which the children of the NUM nodes of a level are merged along x, y and z, repeated for each channel
-// of a node. h is the share of the voxels that the second of two neighbours holds.
-template <class T, int64_t NUM>
-struct Shares {
-    // The number of channels of all nodes of the level.
-    static constexpr int64_t WIDTH = NUM * NUM_CHANNELS<T>;
-    // The shares h along x, y and z, for each channel of each node.
-    T along[3][WIDTH];
-
-    // extent: the number of voxels of the group inside the volume, along x, y, z. child: the width of the nodes'
-    // children, in voxels.
-    void set(const int64_t* extent, int64_t child) {
-        for (int64_t axis = 0; axis < 3; axis++)
-            for (int64_t j = 0; j < WIDTH; j++) {
-                int64_t node = j / NUM_CHANNELS<T>, first = node >> axis & 1;
-                // On the lowest level, the lower octal digit of an index stands for the parent, the higher digit for
-                // the node in it.
-                if (NUM == 64) first = first << 1 | (node >> (3 + axis) & 1);
-                int64_t rest = extent[axis] - first * 2 * child;
-                int64_t low = least(most(rest, (int64_t)0), child), high = least(most(rest - child, (int64_t)0), child);
-                along[axis][j] = (T)((double)high / (double)most(low + high, (int64_t)1));
-            }
-    }
-};
-
-// Merge the children of the NUM nodes of one level, and write the means and variances of the nodes. pair(k, j, h): a
-// function that returns children 2 k and 2 k + 1 merged along x, for j, the index of a node and its channel.
-template <class T, int64_t NUM, class Pair>
-INLINE void merge_rows(const Shares<T, NUM>& shares, T* __restrict mean, T* __restrict variance, Pair pair) {
-    const auto& [along_x, along_y, along_z] = shares.along;
-    for (int64_t j = 0; j < shares.WIDTH; j++) {
-        T h = along_x[j];
-        Moments<T> low = merge_two(pair(0, j, h), pair(1, j, h), along_y[j]);
-        Moments<T> high = merge_two(pair(2, j, h), pair(3, j, h), along_y[j]);
-        Moments<T> whole = merge_two(low, high, along_z[j]);
-        mean[j] = whole.mean, variance[j] = whole.variance;
-    }
-}
-
-// The nodes of one group, in memory that is used for one group after the other. T is float for channels, and double for
-// scalars.
-template <class T>
-class Group {
-    // The number of channels of a node.
-    static constexpr int64_t C = NUM_CHANNELS<T>;
-    // The shares h by which children are merged into the 64 nodes on the lowest level.
-    Shares<T, 64> node_shares;
-    // The shares h by which nodes are merged into the 8 parents.
-    Shares<T, 8> parent_shares;
-    // The shares h by which parents are merged into the root.
-    Shares<T, 1> root_shares;
-    // The number of voxels (x, y, z) of the group inside the volume, for which the shares were computed.
-    int64_t cut[3] = {};
-
-    template <int64_t NUM>
-    INLINE void merge_level(const Shares<T, NUM>& shares, int64_t level) {
-        constexpr int64_t width = NUM * C;
-        const T *mean = means + FIRST_NODE[level - 1] * C, *variance = variances + FIRST_NODE[level - 1] * C;
-        merge_rows(shares, means + FIRST_NODE[level] * C, variances + FIRST_NODE[level] * C,
-                   [=](int64_t k, int64_t j, T h) {
-                       int64_t one = 2 * k * width + j, other = one + width;
-                       return merge_two(Moments<T>{mean[one], variance[one]}, {mean[other], variance[other]}, h);
-                   });
-    }
-
-  public:
-    // The means of the channels of all nodes, level by level.
-    alignas(64) T means[NODES_OF_GROUP * C];
-    // The variances of the channels of all nodes, level by level.
-    alignas(64) T variances[NODES_OF_GROUP * C];
-    // The channels of the voxels of a block.
-    alignas(64) T voxels[BLOCK_VOXELS * C];
-
-    // Begin a group of nodes that are `side` voxels wide; `extent` voxels of the group along x, y, z are inside the
-    // volume.
-    void begin(const int64_t* extent, int64_t side) {
-        if (extent[0] == cut[0] && extent[1] == cut[1] && extent[2] == cut[2]) return;
-        node_shares.set(extent, side / 2), parent_shares.set(extent, side), root_shares.set(extent, 2 * side);
-        for (int axis = 0; axis < 3; axis++) cut[axis] = extent[axis];
-        for (T& each : voxels) each = 0;  // voxels outside the volume stay 0
-    }
-
-    // Merge voxels into nodes, up to the root.
-    void merge_voxels() {
-        constexpr int64_t width = 64 * C;
-        merge_rows(node_shares, means, variances, [this](int64_t k, int64_t j, T h) {
-            T a = voxels[2 * k * width + j], d = voxels[(2 * k + 1) * width + j] - a;
-            return Moments<T>{a + h * d, (h - h * h) * (d * d)};
-        });
-        merge_nodes();
-    }
-
-    void merge_nodes() {
-        merge_level(parent_shares, 1);
-        merge_level(root_shares, 2);
-    }
-
-    // Return the variance of a node, summed over its channels.
-    INLINE T total_variance(int64_t level, int64_t node) const {
-        const T* first = variances + (FIRST_NODE[level] + node) * C;
-        T sum = first[0];
-        for (int64_t channel = 1; channel < C; channel++) sum += first[channel];
-        return sum;
-    }
-};
-
-// Return the last channel of a node: the node is visible if the channel is above 0.
-INLINE float& visibility(Group<float>& group, int64_t level, int64_t node) {
-    return group.means[(FIRST_NODE[level] + node) * 4 + 3];
-}
 
 // Negate the last channel of all nodes below a node that is a leaf of every cut, so that these nodes are not stored.
 //
@@ -206,29 +40,21 @@ class Writer {
     bool fits(int64_t num) const {
         int64_t num_nodes = NODES_OF_GROUP * most_groups, num_channels = NUM_CHANNELS<T>;
         return num <= most_groups && has_shape(out.means, num_nodes, 4) && has_shape(out.deviations, num_nodes) &&
-               has_shape(out.masks, num_nodes) && has_shape(out.cells, out.sizes.shape[0], 3) &&
-               (out.sizes.shape[0] == 0 || out.sizes.shape[0] == num_nodes) && has_shape(out.counts, NUM_LEVELS) &&
+               has_shape(out.masks, num_nodes) && has_shape(out.counts, NUM_LEVELS) &&
                has_shape(out.root_means, most_groups, 4) &&
                has_shape(out.root_error_means, most_groups, num_channels) &&
                has_shape(out.root_variances, most_groups, num_channels);
     }
 
     // Write the visible nodes of a level, in Morton order.
-    //
-    // take(x, y, z, place): a function that is called for each visible node, at x, y, z in the group, which is written
-    // to `place`. It is also called for nodes below a leaf of every cut, which are not written.
-    template <class T, class Take>
-    INLINE void append(Group<float>& group, const Group<T>& errors, int64_t level, Take take) {
+    template <class T>
+    INLINE void append(Group<float>& group, const Group<T>& errors, int64_t level) {
         int64_t num_nodes = NUM_NODES[level], place = FIRST_NODE[level] * most_groups + counts[level];
         for (int64_t n = 0; n < num_nodes; n++) {
             int64_t node = node_in_order(n, num_nodes);
-            float shown = visibility(group, level, node);
-            if (shown == 0) continue;
-            take((n & 1) | (n >> 2 & 2), (n >> 1 & 1) | (n >> 3 & 2), (n >> 2 & 1) | (n >> 4 & 2), place);
-            if (!(shown > 0)) continue;
+            if (!(visibility(group, level, node) > 0)) continue;
             store(&out.means(place, 0), 0, load<FourChannels>(&visibility(group, level, node) - 3, 0));
-            // The square root is taken before rounding to float32, which might not hold the variance.
-            out.deviations[place] = (float)__builtin_sqrt((double)errors.total_variance(level, node));
+            out.deviations[place] = errors.deviation(level, node);
             if (level > 0) {
                 int mask = 0;
                 for (int64_t k = 0; k < 8; k++) mask |= (visibility(group, level - 1, k * num_nodes + node) > 0) << k;
@@ -282,17 +108,75 @@ INLINE VoxelBox box_at(const Array<const int64_t, 2>& starts, const Array<const 
     return {{starts(g, 0), starts(g, 1), starts(g, 2)}, {extents(g, 0), extents(g, 1), extents(g, 2)}};
 }
 
+// Mark the cells of `occupied` that hold visible nodes of a level of a block.
+void mark_occupied(const BuildBlocks& arguments, const VoxelBox& box, Group<float>& group, int64_t level) {
+    for (int64_t n = 0; n < NUM_NODES[level]; n++) {
+        if (visibility(group, level, node_in_order(n, NUM_NODES[level])) == 0) continue;
+        auto cell = [&](int axis) {
+            return (box.first[axis] + (place_in_group(n, axis) << (level + 1))) >> arguments.occupied_level;
+        };
+        arguments.occupied(cell(2), cell(1), cell(0)) = true;
+    }
+}
+
+// Return a number as float16 holds it: rounded to nearest. The number is from 0 to 2^15.
+//
+// Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for extending
+// the available precision"). Below 2^-14, float16 has a unit of 2^-24, as float32 has in [1/2, 1): adding 1/2 rounds to
+// it.
+INLINE float rounded_to_half(float value) {
+    float scaled = value * (float)((1 << 13) + 1);
+    return value >= 0x1p-14f ? scaled - (scaled - value) : (value + 0.5f) - 0.5f;
+}
+
+// Add the visible nodes of a level of a block to statistics of bricks.
+template <class T>
+void add_to_sums(const StreamedLevel& streamed, const VoxelBox& box, Group<float>& group, const Group<T>& errors,
+                 int64_t level, NodeAdder& adder) {
+    const int64_t num_nodes = NUM_NODES[level], width = 2 << level, whole = width * width * width;
+    const bool is_whole = box.extent[0] * box.extent[1] * box.extent[2] == BLOCK_VOXELS;
+    float stored[NUM_NODES[0]];
+    for (int64_t node = 0; node < num_nodes; node++) stored[node] = errors.deviation(level, node) * streamed.error_factor;
+    if (streamed.is_half)
+        for (int64_t node = 0; node < num_nodes; node++) stored[node] = rounded_to_half(stored[node]);
+    const int64_t first[3] = {box.first[0] / width, box.first[1] / width, box.first[2] / width};
+    adder.enter(first);
+    for (int64_t n = 0; n < num_nodes; n++) {
+        int64_t node = node_in_order(n, num_nodes), size = whole, cell[3];
+        float shown = visibility(group, level, node);
+        if (!(shown > 0)) continue;
+        for (int axis = 0; axis < 3; axis++) cell[axis] = first[axis] + place_in_group(n, axis);
+        if (!is_whole) {
+            size = 1;
+            for (int axis = 0; axis < 3; axis++)
+                size *= least(box.extent[axis] - place_in_group(n, axis) * width, width);
+        }
+        adder.add(cell, size, (double)stored[node] * streamed.error_scales[size], shown > streamed.most_invisible);
+    }
+}
+
+// Return whether streamed levels are as many as kernels add up, with statistics of the right shapes.
+bool fits(const Array<const StreamedLevel, 1>& streamed) {
+    bool is_right = streamed.shape[0] <= NUM_STREAMED;
+    for (int64_t level = 0; is_right && level < streamed.shape[0]; level++)
+        is_right = fits(streamed[level].sums) && has_shape(streamed[level].error_scales, (8 << (3 * level)) + 1);
+    return is_right;
+}
+
 // Build the nodes of all blocks. errors: the group with the channels that errors are measured on; it may be `group`
 // itself. build_errors(box): builds `errors`, unless it is `group`.
 template <class T, class Build>
 Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& errors, Build build_errors) {
-    const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, starts, extents,
-                 visible, nodes] = arguments;
-    const bool is_listed = nodes.sizes.shape[0] > 0;
+    const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, streamed, starts,
+                 extents, visible, nodes] = arguments;
+    const int64_t num_streamed = streamed.shape[0], marked_level = least(occupied_level, NUM_LEVELS) - 1;
     Writer writer(nodes);
     VisibilityTest test(raw, classifier);
     if (!writer.fits<T>(starts.shape[0])) return OUT_OF_BOUNDS;
     if (!test) return NO_MEMORY;
+    const BrickSums none = {};
+    NodeAdder adders[NUM_STREAMED] = {NodeAdder(num_streamed > 0 ? streamed[0].sums : none),
+                                      NodeAdder(num_streamed > 1 ? streamed[1].sums : none)};
     for (int64_t g = 0; g < starts.shape[0]; g++) {
         if (is_stopped()) return STOPPED;
         VoxelBox box = box_at(starts, extents, g);
@@ -301,26 +185,14 @@ Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& er
         if (!visible[g]) continue;
         build_block(raw, classifier, box, group);
         build_errors(box);
+        mark_occupied(arguments, box, group, marked_level);
         hide_below_leaves(group, errors, limits);
-        for (int64_t level = 0; level < NUM_LEVELS; level++) {
-            int64_t width = 2 << level;
-            bool is_marked = level == least(occupied_level, NUM_LEVELS) - 1;
-            writer.append(group, errors, level, [&](int64_t x, int64_t y, int64_t z, int64_t place) {
-                const int64_t first[3] = {x * width, y * width, z * width};
-                if (is_marked) {
-                    auto cell = [&](int axis) { return (box.first[axis] + first[axis]) >> occupied_level; };
-                    occupied(cell(2), cell(1), cell(0)) = true;
-                }
-                if (!is_listed) return;
-                nodes.sizes[place] = 1;
-                for (int axis = 0; axis < 3; axis++) {
-                    nodes.cells(place, axis) = (int32_t)((box.first[axis] + first[axis]) / width);
-                    nodes.sizes[place] *= least(box.extent[axis] - first[axis], width);
-                }
-            });
-        }
+        for (int64_t level = 0; level < num_streamed; level++)
+            add_to_sums(streamed[level], box, group, errors, level, adders[level]);
+        for (int64_t level = num_streamed; level < NUM_LEVELS; level++) writer.append(group, errors, level);
         writer.append_root(group, errors);
     }
+    for (int64_t level = 0; level < num_streamed; level++) adders[level].finish();
     writer.finish();
     return DONE;
 }
@@ -354,8 +226,7 @@ Status merge_all(const MergeTier& arguments) {
             }
         }
         group.merge_nodes(), errors.merge_nodes();
-        for (int64_t level = 1; level < NUM_LEVELS; level++)
-            writer.append(group, errors, level, [](int64_t, int64_t, int64_t, int64_t) {});
+        for (int64_t level = 1; level < NUM_LEVELS; level++) writer.append(group, errors, level);
         writer.append_root(group, errors);
     }
     writer.finish();
@@ -368,12 +239,12 @@ Status merge_all(const MergeTier& arguments) {
 // `starts`, and `extents` voxels (x, y, z) of it are inside the volume. Visible nodes are marked in `occupied`, a grid
 // of cells of `occupied_level`.
 Status build_blocks(const BuildBlocks* arguments) {
-    const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, starts, extents,
-                 visible, nodes] = *arguments;
+    const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, streamed, starts,
+                 extents, visible, nodes] = *arguments;
     int64_t num = starts.shape[0];
     if (!fits(classifier, raw) || (error_classifier.exists && !fits(error_classifier.value, raw)) ||
         (normalization.exists && !has_shape(normalization.value, 2)) || !has_shape(starts, num, 3) ||
-        !has_shape(extents, num, 3) || !has_shape(visible, num))
+        !has_shape(extents, num, 3) || !has_shape(visible, num) || !fits(streamed))
         return OUT_OF_BOUNDS;
     Group<float> group;
     if (normalization.exists) {
@@ -449,18 +320,16 @@ Status average_cells(const AverageCells* arguments) {
 // Write `values * factor` as float16 bits, rounded to nearest. The factor is a power of two; products are from 0 to
 // 2^15.
 //
-// Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for extending
-// the available precision"); then only the bias of the exponent differs. Below 2^-14, float16 has a unit of 2^-24, as
-// float32 has in [1/2, 1): adding 1/2 rounds to it.
+// Normal numbers of float16 and float32 differ only in the bias of the exponent, once they are rounded. Below 2^-14,
+// numbers of float16 are multiples of 2^-24, the unit of float32 in [1/2, 1).
 Status store_float16(const StoreFloat16* arguments) {
     const auto [values, factor, out] = *arguments;
     if (out.shape[0] != values.shape[0]) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < values.shape[0]; i++) {
-        float value = values[i] * factor, scaled = value * (float)((1 << 13) + 1);
-        float rounded = scaled - (scaled - value);
+        float rounded = rounded_to_half(values[i] * factor);
         uint32_t normal = (__builtin_bit_cast(uint32_t, rounded) >> 13) - ((127 - 15) << 10);
-        uint32_t tiny = __builtin_bit_cast(uint32_t, value + 0.5f);
-        out[i] = (uint16_t)(value >= 0x1p-14f ? normal : tiny);
+        uint32_t tiny = __builtin_bit_cast(uint32_t, rounded + 0.5f);
+        out[i] = (uint16_t)(rounded >= 0x1p-14f ? normal : tiny);
     }
     return DONE;
 }
