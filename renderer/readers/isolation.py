@@ -143,12 +143,13 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     labels = tuple(_label(*each) for each in answer["labels"])
     notes = tuple(answer["notes"])
     image = Image(values, world_from_index, notes, nodata, channels, labels=labels, steps=steps, units=units)
-    if answer["box"] is None:
+    if answer["box"] is not None:
+        image = replace(image, box=tuple((int(begin), int(end)) for begin, end in answer["box"]))
+    if "finest_from_index" not in answer:
         return image
     return replace(
         image,
         levels=tuple(_level(*each) for each in answer["levels"]),
-        box=tuple((int(begin), int(end)) for begin, end in answer["box"]),
         finest_from_index=np.array(answer["finest_from_index"], np.float64).reshape(4, 4),
     )
 

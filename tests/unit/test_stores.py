@@ -89,7 +89,7 @@ def test_a_level_that_does_not_fit_is_refused_with_a_way_out(store: Path, monkey
 def test_levels_that_are_not_there(store: Path, tmp_path: Path) -> None:
     assert refused(store, match="there is no such level", level=3).expected == "0 to 2"
     np.save(tmp_path / "a.npy", FIELD)
-    refused(tmp_path / "a.npy", match="only stores have levels", level=1)
+    refused(tmp_path / "a.npy", match="only stores, Imaris and BigDataViewer have levels", level=1)
 
 
 def test_a_crop_is_of_the_finest_level_and_reads_its_chunks_alone(store: Path) -> None:
