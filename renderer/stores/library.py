@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,14 +25,21 @@ _NUM_FILES = 8
 _NUM_REQUESTS = 16
 # The number of times that a failed request is sent again, and the first and the longest wait between two.
 _RETRIES = {"max_retries": 5, "initial_delay": "250ms", "max_delay": "4s"}
-# The seconds that a request for metadata may take, with its retries.
-METADATA_SECONDS = 60.0
+# A server that sends fewer bytes in a second than this, over this many seconds, has stalled: the request is sent again.
+# A slow line of 64 KiB/s gives each of 16 requests 4 KiB/s.
+_STALL_SETTINGS = {
+    "TENSORSTORE_CURL_CONNECT_TIMEOUT_SECONDS": "20",
+    "TENSORSTORE_CURL_LOW_SPEED_TIME_SECONDS": "20",
+    "TENSORSTORE_CURL_LOW_SPEED_LIMIT_BYTES": "1024",
+}
+# The seconds that a request may take in any case, with its retries: six times 20 s, and the waits between them.
+REQUEST_SECONDS = 150.0
 
 # The name of an error of tensorstore at the beginning of its message.
 _CODE = re.compile(r"([A-Z_]{4,30}): ")
 # The hints for errors of tensorstore, by their names.
 _REFUSED = "the server refuses access: check the credentials (`AWS_...`, `GOOGLE_APPLICATION_CREDENTIALS`) or the URL"
-_BROKEN_LINE = "the server or the network failed, also after retries: run the same command again"
+_BROKEN_LINE = "the server or the network failed, also after retries: run the command again, and a film goes on"
 _HINTS = {
     "PERMISSION_DENIED": _REFUSED,
     "UNAUTHENTICATED": _REFUSED,
@@ -45,8 +53,14 @@ _HINTS = {
 
 
 def import_library() -> Any:
-    """Return the module of tensorstore; raises InputError if it is not installed."""
+    """Return the module of tensorstore; raises InputError if it is not installed.
+
+    Tensorstore takes its limits for servers that stall from the environment alone, once: this sets those of them that
+    the user has not set, in the child process that reads a store.
+    """
     require_package("tensorstore", extra="zarr")
+    for name, value in _STALL_SETTINGS.items():
+        os.environ.setdefault(name, value)  # noqa: TID251  it is written here, and read by the library
     import tensorstore
 
     return tensorstore
@@ -89,5 +103,5 @@ def open_array(driver: str, kvstore: Mapping[str, Any], options: Mapping[str, An
     """Return an open array that can only be read, with the index 0 as the first one along each axis."""
     library = import_library()
     spec = {"driver": driver, "kvstore": dict(kvstore), **options}
-    opened = library.open(spec, context=context, read=True, open=True).result(METADATA_SECONDS)
+    opened = library.open(spec, context=context, read=True, open=True).result(REQUEST_SECONDS)
     return opened[library.d[:].translate_to[0]]

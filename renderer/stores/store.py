@@ -13,15 +13,13 @@ from renderer.errors import InputError
 from renderer.scene import did_you_mean, join_some, short_text
 from renderer.stores import n5, ome, precomputed
 from renderer.stores.levels import Box, ImagePlan, Level, LevelPlan, OpenImage, StoredImage, slabs_of
-from renderer.stores.library import errors_of_library, import_library, open_array
+from renderer.stores.library import REQUEST_SECONDS, errors_of_library, import_library, open_array
 from renderer.stores.plain_zarr import Node, arrays_in, largest_array, node_at, plan_of_array
 from renderer.stores.store_files import StoreFiles, require_inside
 from renderer.volume import Array
 
 # The fewest bytes in a second that a store has to give; with fewer, it counts as stalled.
 _MIN_BYTES_PER_SECOND = 64 << 10
-# The seconds that a slab may take, whatever its size.
-_SLAB_SECONDS = 120.0
 # The largest size of a decoded chunk in bytes. A chunk is decoded as a whole, whatever the box.
 _MAX_CHUNK_BYTES = 4 << 30
 
@@ -38,7 +36,7 @@ class Store(OpenImage):
         library = import_library()
         chunks, source = self.levels[level].chunks, self._arrays[level]
         for part, target in slabs_of(box, chunks, out):
-            seconds = _SLAB_SECONDS + target.nbytes / _MIN_BYTES_PER_SECOND
+            seconds = REQUEST_SECONDS + target.nbytes / _MIN_BYTES_PER_SECOND
             with errors_of_library("the voxels of this store cannot be read", self._files.place):
                 library.array(target, context=self._files.context).write(source[part]).result(seconds)
 

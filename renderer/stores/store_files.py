@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 from renderer.errors import InputError
 from renderer.scene import is_url, short_text
-from renderer.stores.library import METADATA_SECONDS, errors_of_library, import_library, make_context
+from renderer.stores.library import REQUEST_SECONDS, errors_of_library, import_library, make_context
 
 # The largest size of a metadata file in bytes. The metadata of a store of 10,000 images, in one file, have some 10 MB.
 _MAX_JSON_BYTES = 32 << 20
@@ -91,8 +91,8 @@ class StoreFiles:
     def _read(self, path: str, name: str) -> bytes | None:
         """Return the content of a file of an archive or at a URL."""
         with errors_of_library("the metadata of this store cannot be read", self.place):
-            store = import_library().KvStore.open(self.kvstore(path), context=self.context).result(METADATA_SECONDS)
-            found = store.read(name).result(METADATA_SECONDS)
+            store = import_library().KvStore.open(self.kvstore(path), context=self.context).result(REQUEST_SECONDS)
+            found = store.read(name).result(REQUEST_SECONDS)
         return None if found.state == "missing" else bytes(found.value)
 
     def folders_of_arrays(self) -> Iterator[str]:

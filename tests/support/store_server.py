@@ -9,18 +9,23 @@ from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+# The fault of a server that takes a request and never answers.
+STALL = 0
+
 
 class ServedFolder:
     """A folder that a server serves.
 
     url: its URL. asked: the paths that were asked for, in order. faults: the status codes of the next answers for
-        paths that end so; None for a broken connection.
+        paths that end so; None for a broken connection, and STALL for no answer at all. has_ended: whether the server
+        has ended, so that no answer is held back any longer.
     """
 
     def __init__(self, url: str) -> None:
         self.url = url
         self.asked: list[str] = []
         self.faults: dict[str, list[int | None]] = {}
+        self.has_ended = threading.Event()
 
 
 class _Handler(SimpleHTTPRequestHandler):
@@ -33,7 +38,9 @@ class _Handler(SimpleHTTPRequestHandler):
         for end, codes in self._served.faults.items():
             if self.path.endswith(end) and codes:
                 code = codes.pop(0)
-                if code is not None:
+                if code == STALL:
+                    self._served.has_ended.wait()
+                elif code is not None:
                     self.send_error(code)
                 self.close_connection = True
                 return
@@ -60,5 +67,6 @@ def served_folder(folder: Path) -> Iterator[ServedFolder]:
         try:
             yield served
         finally:
+            served.has_ended.set()
             server.shutdown()
             thread.join()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from store_files import field, halves, scaled, write_json, write_n5, write_ome, write_precomputed, zipped_store
-from store_server import ServedFolder, served_folder
+from store_server import STALL, ServedFolder, served_folder
 from volume_files import read
 
 from hsplat_cli.commands.info import info
@@ -64,6 +66,59 @@ def test_a_failed_request_is_repeated(server: ServedFolder) -> None:
     server.faults = {"0/1.1.1": [503, None], ".zattrs": [503]}
     np.testing.assert_array_equal(_read(f"{server.url}/a.ome.zarr", level=0).values, FIELD)
     assert server.asked.count("/a.ome.zarr/0/1.1.1") == 3
+
+
+# Reads a chunk of a store with short limits. A process of its own, as tensorstore takes limits once for a process.
+_READ_SOON = """
+import sys
+import numpy as np
+import pytest
+from renderer.errors import InputError
+from renderer.stores import open_store
+url, stalled, whole = sys.argv[1:]
+limits = pytest.MonkeyPatch()
+limits.setenv("TENSORSTORE_CURL_LOW_SPEED_TIME_SECONDS", stalled)
+retries = {"max_retries": 1, "initial_delay": "10ms", "max_delay": "10ms"}
+limits.setattr("renderer.stores.library._RETRIES", retries)
+for file in ("library", "store", "store_files"):
+    limits.setattr(f"renderer.stores.{file}.REQUEST_SECONDS", float(whole))
+try:
+    voxels = np.zeros((2, 2, 2), "uint16")
+    open_store(url).read_box(0, [slice(5, 7)] * 3, voxels)
+    print(voxels.sum())
+except InputError as error:
+    print(error)
+"""
+
+
+def _read_soon(server: ServedFolder, *, stalled: int = 1, whole: float = 60) -> str:
+    """Return the sum of voxels of a chunk, or an error. stalled, whole: limits in seconds, without and with retries."""
+    command = [sys.executable, "-c", _READ_SOON, f"{server.url}/a.ome.zarr", str(stalled), str(whole)]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+
+
+@pytest.mark.parametrize("name", ["0/1.1.1", ".zattrs"])
+def test_a_server_that_stalls_is_asked_again(server: ServedFolder, name: str) -> None:
+    server.faults = {name: [STALL]}
+    assert _read_soon(server) == f"{FIELD[5:7, 5:7, 5:7].sum()}\n"
+    assert server.asked.count(f"/a.ome.zarr/{name}") == 2
+
+
+@pytest.mark.parametrize("name", ["0/1.1.1", "0/.zarray", ".zattrs"])
+def test_a_server_that_stalls_for_good_is_an_error(server: ServedFolder, name: str) -> None:
+    server.faults = {name: [STALL] * 9}
+    shown = _read_soon(server)
+    assert shown.startswith(f"{server.url}/a.ome.zarr") and "retry attempts failed" in shown
+    assert "hint: the server or the network failed, also after retries: run the command again" in shown
+    assert server.asked.count(f"/a.ome.zarr/{name}") == 2
+
+
+@pytest.mark.parametrize("name", ["0/1.1.1", "0/.zarray", ".zattrs"])
+def test_no_request_takes_longer_than_its_limit(server: ServedFolder, name: str) -> None:
+    """Also where the limit of a server that stalls does not hold, as of one that sends a byte now and then."""
+    server.faults = {name: [STALL] * 9}
+    shown = _read_soon(server, stalled=600, whole=0.5)
+    assert shown.startswith(f"{server.url}/a.ome.zarr") and "got: no answer in time" in shown
 
 
 @pytest.mark.parametrize(
