@@ -49,7 +49,10 @@ def open_store(place: str, name: str = "") -> Store:
     """
     require_inside(name)
     files = StoreFiles(place)
-    name, plan = _find(files, name.strip("/"))
+    try:
+        name, plan = _find(files, name.strip("/"))
+    except InputError as error:
+        raise files.refusal or error from None
     opened = [_open_level(files, plan, level) for level in plan.levels]
     return Store(files, StoredImage(plan, tuple(level for level, _ in opened), name), [array for _, array in opened])
 

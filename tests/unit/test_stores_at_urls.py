@@ -136,6 +136,50 @@ def test_requests_that_fail_are_errors(server: ServedFolder, name: str, code: in
     assert hint in str(error.value.hint) and server.url in str(error.value)
 
 
+@pytest.fixture
+def buckets(tmp_path: Path, server: ServedFolder, monkeypatch: pytest.MonkeyPatch) -> ServedFolder:
+    """Serve the folder `bucket` as a bucket of S3 and of Google, without credentials of this machine."""
+    write_ome(tmp_path / "bucket/a.ome.zarr", LEVELS, PLACES)
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_PROFILE", "GOOGLE_APPLICATION_CREDENTIALS"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("AWS_CONFIG_FILE", "AWS_SHARED_CREDENTIALS_FILE"):
+        monkeypatch.setenv(name, "/dev/null")
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+    monkeypatch.setenv("TENSORSTORE_GCS_HTTP_URL", server.url)
+    return server
+
+
+@pytest.mark.parametrize("scheme", ["s3", "gs"])
+@pytest.mark.usefixtures("buckets")
+def test_buckets_are_read_without_credentials(scheme: str) -> None:
+    volume = _read(f"{scheme}://bucket/a.ome.zarr", level=1)
+    np.testing.assert_array_equal(volume.values, LEVELS[1])
+    with pytest.raises(InputError, match="there is no store here"):
+        _read(f"{scheme}://bucket/nothing")
+
+
+def test_credentials_of_s3(buckets: ServedFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the right key, the error says so; the key is in no message."""
+    buckets.key = "right"
+    for key in ("", "wrong", "right"):
+        monkeypatch.setenv("AWS_ACCESS_KEY_ID", key)
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+        if key == "right":
+            np.testing.assert_array_equal(_read("s3://bucket/a.ome.zarr", level=1).values, LEVELS[1])
+            break
+        with pytest.raises(InputError, match="the metadata of this store cannot be read") as error:
+            _read("s3://bucket/a.ome.zarr")
+        assert error.value.where == "s3://bucket/a.ome.zarr" and "the server refuses access" in str(error.value.hint)
+        assert "secret" not in str(error.value)
+
+
+def test_missing_files_may_be_refused(buckets: ServedFolder) -> None:
+    """S3 answers so where nobody may list the bucket."""
+    buckets.faults = {f"a.ome.zarr/{name}": [403] * 9 for name in ("zarr.json", ".zarray")}
+    np.testing.assert_array_equal(_read("s3://bucket/a.ome.zarr", level=1).values, LEVELS[1])
+
+
 def test_a_missing_chunk_at_a_url_has_the_fill_value(server: ServedFolder) -> None:
     server.faults = {"0/1.1.1": [404]}
     volume = _read(f"{server.url}/a.ome.zarr", level=0)
