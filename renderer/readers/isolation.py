@@ -160,7 +160,7 @@ def _level(shape: Any, chunks: Any, num_bytes: Any, is_read: Any) -> VolumeLevel
     return VolumeLevel((x, y, z), (i, j, k), int(num_bytes), bool(is_read))
 
 
-def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
+def _channel(name: Any, color: Any, window: Any, is_light: Any, is_hidden: Any) -> Channel:
     """Return a channel that the answer of a child describes; an invalid colour or window is left out."""
     shade, ends = (tuple(float(each) for each in numbers or ()) for numbers in (color, window))
     is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
@@ -170,6 +170,7 @@ def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
         (shade[0], shade[1], shade[2]) if is_color else None,
         (ends[0], ends[1]) if is_window else None,
         None if is_light is None else bool(is_light),
+        bool(is_hidden),
     )
 
 

@@ -19,6 +19,7 @@ from renderer.readers.axis_letters import letters_of
 from renderer.readers.components import Chosen, choose
 from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.scaled_values import scaled, scaled_type
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at, steps_at
 from renderer.readers.units import Units, one_spelling, units_of
@@ -39,7 +40,7 @@ STATEMENTS = FormatTable(
         Statement("omero.channels.label", "meaning", "the names of channels"),
         Statement("omero.channels.color", "meaning", "the colours of channels"),
         Statement("omero.channels.window", "meaning", "the windows of channels"),
-        Statement("omero.channels.active", "meaning", "channels that are not shown", False),
+        Statement("omero.channels.active", "meaning", "channels that are not shown"),
         Statement("omero.channels.inverted", "meaning", "channels whose colours are inverted", False),
         Statement("image-label.colors", "meaning", "the colours of labels"),
         Statement("image-label.properties", "meaning", "the names of labels"),
@@ -47,8 +48,8 @@ STATEMENTS = FormatTable(
         Statement("dimension_names", "place", "the names of axes"),
         Statement("_FillValue", "validity", "a value without data"),
         Statement("missing_value", "validity", "a value without data"),
-        Statement("scale_factor", "values", "the slope of values", False),
-        Statement("add_offset", "values", "the intercept of values", False),
+        Statement("scale_factor", "values", "the slope of values"),
+        Statement("add_offset", "values", "the intercept of values"),
         Statement("pixelResolution", "place", "the lengths of a voxel"),
         Statement("downsamplingFactors", "place", "the place of each level"),
         Statement("resolution", "place", "the lengths of a voxel"),
@@ -60,6 +61,8 @@ STATEMENTS = FormatTable(
 _RESERVED_BYTES = 1 << 30
 # The number of chunks that are held at a time, encoded or decoded, beside the voxels.
 _NUM_HELD_CHUNKS = 16
+# The slope and the intercept of stored numbers that are values.
+_NO_SCALING = (1.0, 0.0)
 # For each orientation of an axis: the axis of LPS along which it lies, and whether it has the same direction.
 _ORIENTATIONS = {
     "right-to-left": (0, 1.0),
@@ -118,10 +121,11 @@ def read_levels(store: OpenImage, wanted: Wanted, host: Host) -> Image:
     places = [_place(each, finest, layout, plan.axes) for each in store.levels]
     boxes = [_box(wanted.crop, _shape(finest, layout), each, layout, relative) for each, relative in
              zip(store.levels, (np.linalg.inv(places[0]) @ place for place in places), strict=True)]  # fmt: skip
-    sizes = [each.dtype.itemsize * math.prod(end - begin for begin, end in box)
+    sizes = [_value_type(store, each).itemsize * math.prod(end - begin for begin, end in box)
              for each, box in zip(store.levels, boxes, strict=True)]  # fmt: skip
     number, level_note = choose_level(sizes, wanted.level, wanted.most_bytes)
     values = _read(store, number, boxes[number], layout, chosen, host)
+    slope, intercept = plan.scaling
     units, unit_note = _units(plan.axes, layout)
     turned, axes = _in_body(places[number], plan.axes, layout)
     name = store.image.name
@@ -131,7 +135,7 @@ def read_levels(store: OpenImage, wanted: Wanted, host: Host) -> Image:
         values,
         turned,
         (dataset_note, *plan.notes, level_note, no_lengths, unit_note, *chosen.notes, STATEMENTS.note(plan.unapplied)),
-        tuple((value, value) for value in plan.nodata),
+        tuple((value, value) for value in (slope * stored + intercept for stored in plan.nodata)),
         _channels(plan.channels, chosen),
         plan.labels,
         _steps(finest, plan, layout, chosen.steps.num_times),
@@ -169,8 +173,9 @@ def _read(
     """Return the voxels [z, y, x] of a box of a level. box: ranges along x, y, z."""
     level = store.levels[number]
     shape = tuple(end - begin for begin, end in box[::-1])
+    dtype, scaling = _value_type(store, level), store.image.plan.scaling
     try:
-        values = allocate_voxels(host, shape, level.dtype.newbyteorder("="))
+        values = allocate_voxels(host, shape, dtype)
     except InputError as error:
         if "memory" in error.what:
             further = f"`level: {number + 1}`, which is coarser, or " if number + 1 < len(store.levels) else ""
@@ -183,9 +188,17 @@ def _read(
         if axis is not None:
             item[axis] = slice(begin, end)
             order.append(axis)
-    present = values[tuple(0 if axis is None else slice(None) for axis in layout.space)]
+    stored = values if scaling == _NO_SCALING else np.empty(shape, level.dtype.newbyteorder("="))
+    present = stored[tuple(0 if axis is None else slice(None) for axis in layout.space)]
     store.read_box(number, item, np.transpose(present, np.argsort(order)))
+    if scaling != _NO_SCALING:
+        values[...] = scaled(stored, *scaling)
     return values
+
+
+def _value_type(store: OpenImage, level: Level) -> np.dtype[Any]:
+    """Return the type of the values of a level, which may differ from the type of its stored numbers."""
+    return level.dtype.newbyteorder("=") if store.image.plan.scaling == _NO_SCALING else scaled_type(level.dtype)
 
 
 def _layout(store: OpenImage, time: int | None, component: int | None) -> _Layout:

@@ -65,7 +65,8 @@ class ImagePlan:
 
     driver: the name of the format in tensorstore, or `hdf5`. axes: the axes in the order of the array; empty if the
     metadata do not state them. levels: from the finest to the coarsest. times: the time of each step in seconds; empty
-    if they follow from the place of a level. nodata: values that mark absent voxels. unapplied: the fields of the
+    if they follow from the place of a level. nodata: stored numbers that mark absent voxels. scaling: the slope and the
+    intercept that turn stored numbers into values. unapplied: the fields of the
     metadata that change how voxels are understood and that are not applied. is_reversed: whether the first axis of the
     arrays varies fastest.
     """
@@ -77,6 +78,7 @@ class ImagePlan:
     labels: tuple[Label, ...] = ()
     times: tuple[float, ...] = ()
     nodata: tuple[float, ...] = ()
+    scaling: tuple[float, float] = (1.0, 0.0)
     notes: tuple[str, ...] = ()
     unapplied: tuple[str, ...] = ()
     is_reversed: bool = False

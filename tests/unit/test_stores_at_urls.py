@@ -217,6 +217,14 @@ def test_info_lists_the_levels(server: ServedFolder) -> None:
         "  levels       0: 18 x 14 x 12 voxels in chunks of 5 x 5 x 5, 6048 bytes\n"
         "               1: 9 x 7 x 12 voxels in chunks of 5 x 5 x 5, 1512 bytes, which is read\n"
     ) in shown.output
+    assert "  stored " not in shown.output
+
+
+def test_info_adds_the_sizes_of_files(tmp_path: Path) -> None:
+    folder = write_ome(tmp_path / "a.ome.zarr", LEVELS, PLACES)
+    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+    shown = CliRunner().invoke(info, [str(folder)]).output
+    assert f"  stored       {size} bytes\n" in shown
 
 
 def test_metadata_of_a_local_store_reach_no_server(tmp_path: Path, server: ServedFolder) -> None:
