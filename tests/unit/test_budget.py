@@ -227,7 +227,7 @@ def test_the_film_recovers_after_a_slow_spell(stage: Stage) -> None:
 
 
 @bricks
-@pytest.mark.parametrize(("factor", "most"), [(1.25, 2.1), (3.0, 16.5)])
+@pytest.mark.parametrize(("factor", "most"), [(1.25, 2.1), (3.0, 10.0)])
 def test_steps_are_small_near_the_time(stage: Stage, factor: float, most: float) -> None:
     """Where a little time is missing tolerances change by a factor of 2, and where much is missing by far more."""
     film = draw(stage, SimulatedMachine(pace=changed_speed(factor)), 0.03)
