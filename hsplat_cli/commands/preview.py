@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import signal
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.shared_options import FILE, quiet_option, require_none_of
+from hsplat_cli.commands.shared_options import quiet_option, require_none_of
 from hsplat_cli.scenes import (
     ReadingOptions,
     SceneRequest,
     base_name,
     film_options,
     load_job,
+    own_name,
     suggest_scene,
     volume_options,
     volume_spec,
 )
-from hsplat_cli.terminal import OutputPath, Reporter
+from hsplat_cli.terminal import OutputPath, Reporter, VolumePath
 from renderer.errors import HsplatError, InputError
 from renderer.film import locked_files, require_writable_dry_run, write_staged
 from renderer.suggest import FilmOptions
@@ -33,10 +34,10 @@ _PAGE = "Write to this page.  [default: NAME.html in the current folder]"
 
 
 @click.command()
-@click.argument("source", type=FILE, metavar="SCENE|VOLUME")
+@click.argument("source", type=VolumePath(), metavar="SCENE|VOLUME")
 @click.option("-o", "--output", "page", type=OutputPath(dir_okay=False), metavar="FILE", help=_PAGE)
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scene.")
-@click.option("--volume", type=FILE, metavar="FILE", help="Take the volume of the scene from this file.")
+@click.option("--volume", type=VolumePath(), metavar="FILE", help="Take the volume of the scene from this file.")
 @click.option("--watch", "watches", is_flag=True, help="Draw a scene again whenever its file is saved.")
 @click.option("--serve", is_flag=True, help="As --watch, on a page that this machine alone can open.")
 @film_options
@@ -44,10 +45,10 @@ _PAGE = "Write to this page.  [default: NAME.html in the current folder]"
 @quiet_option()
 def preview(
     *,
-    source: Path,
+    source: Path | str,
     page: Path | None,
     overrides: tuple[str, ...],
-    volume: Path | None,
+    volume: Path | str | None,
     watches: bool,
     serve: bool,
     film: FilmOptions,
@@ -56,14 +57,14 @@ def preview(
 ) -> None:
     """Show a scene or a volume on one page, before its film is made.
 
-    SCENE is a YAML file, or the JSON file beside a film; VOLUME a file, or a folder of slices, whose scene is
-    suggested. The page shows frames of the film, the object as it turns, histograms with the visible values marked,
-    slices, and variants of the scene with the lines of YAML that give them; it needs no network. For a VOLUME, the
-    other options are as for turntable. With --watch the page shows one picture of a SCENE, coarse at once and then
-    finer, until Ctrl-C.
+    SCENE is a YAML file, or the JSON file beside a film; VOLUME a file, a folder of slices, or the URL of a store,
+    whose scene is suggested. The page shows frames of the film, the object as it turns, histograms with the visible
+    values marked, slices, and variants of the scene with the lines of YAML that give them; to be read, it needs no
+    network. For a VOLUME, the other options are as for turntable. With --watch the page shows one picture of a SCENE,
+    coarse at once and then finer, until Ctrl-C.
     """
-    request = SceneRequest(source, overrides, volume)
-    if source.suffix.lower() in (".yaml", ".yml", ".json"):
+    if isinstance(source, Path) and source.suffix.lower() in (".yaml", ".yml", ".json"):
+        request = SceneRequest(source, overrides, volume)
         name = base_name(source.with_suffix(""))
         require_none_of(_FOR_VOLUMES, "--set changes a value of a scene")
         if watches or serve:
@@ -75,17 +76,17 @@ def preview(
         name = base_name(source)
         spec, scene = volume_spec(source, reading), Path(f"{name}.yaml")
         text, _ = suggest_scene(spec, film, reporter, scene=scene, output=Path(f"{name}.mp4"))
-        request = replace(request, path=scene, content=text.encode())
+        request = SceneRequest(scene, overrides, volume, content=text.encode())
     job, page = load_job(request, "nothing"), page or Path(f"{name}.html")
     # Imported here to keep --help fast.
     from hsplat_cli.compare import ReportFiles
     from hsplat_cli.preview import NUM_PARTS, preview_page
 
-    ReportFiles({"--output": page}).require_names([source, *job.input_files()])
+    ReportFiles({"--output": page}).require_names([*([source] if isinstance(source, Path) else []), *job.input_files()])
     require_writable_dry_run(page)
     with locked_files([page]):
         with reporter.progress([1.0] * NUM_PARTS, label="preview", unit="parts") as bar:
-            content, glances = preview_page(job, f"Preview of {source.absolute().name}", bar.advance)
+            content, glances = preview_page(job, f"Preview of {own_name(source)}", bar.advance)
         write_staged(page, content.encode())
     for each in glances:
         reporter.note(each.note)

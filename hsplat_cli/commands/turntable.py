@@ -21,7 +21,7 @@ from hsplat_cli.scenes import (
     volume_options,
     volume_spec,
 )
-from hsplat_cli.terminal import OutputPath, Reporter
+from hsplat_cli.terminal import OutputPath, Reporter, VolumePath
 from hsplat_cli.turntable import FilmRequest, Gallery, make_film, make_requested_films, require_harmless, run_batch
 from renderer.errors import InputError
 from renderer.scene import FORMATS
@@ -50,7 +50,11 @@ from renderer.suggest import FilmOptions
     help="Give all volumes the look of this scene: transfer function, light, clip, camera, annotation, outputs.",
 )
 @click.option(
-    "--match", "reference", type=FILE, metavar="FILE", help="Match the scene's values, which belong to this volume."
+    "--match",
+    "reference",
+    type=VolumePath(),
+    metavar="FILE",
+    help="Match the scene's values, which belong to this volume.",
 )
 @film_options
 @volume_options()
@@ -64,7 +68,7 @@ def turntable(
     folder: Path,
     kind: str,
     look: Path | None,
-    reference: Path | None,
+    reference: Path | str | None,
     film: FilmOptions,
     reading: ReadingOptions,
     executor: ExecutorSpec,
@@ -74,10 +78,10 @@ def turntable(
 ) -> None:
     """Render turntables of volumes without a scene file.
 
-    Each VOLUME is a file, a folder of slices or of volumes, or a pattern such as 'scans/*.nrrd'. FOLDER gets NAME.yaml,
-    a scene with a transfer function that suits the values, to be edited; NAME.mp4; turntable.json, which lists the
-    result for each volume; and index.html, which shows all films. A volume that fails does not stop the others; the
-    exit code is then 1, or 2 if wrong inputs and locked outputs were the only reasons.
+    Each VOLUME is a file, a folder of slices or of volumes, a pattern such as 'scans/*.nrrd', or the URL of a store.
+    FOLDER gets NAME.yaml, a scene with a transfer function that suits the values, to be edited; NAME.mp4;
+    turntable.json, which lists the result for each volume; and index.html, which shows all films. A volume that fails
+    does not stop the others; the exit code is then 1, or 2 if wrong inputs and locked outputs were the only reasons.
 
     With --scene all films have the look of a scene, each framed on its own. Its values may be percentiles (relative:
     true). With --match its values belong to a reference volume, and are shifted and scaled to each volume by comparing
@@ -94,7 +98,7 @@ def turntable(
         film = FilmOptions(shared.scene.num_frames)
     arguments = [*_as_arguments(_given() | chosen | {"force": force}), f"--output={folder}"]
 
-    def request_of(film_name: str, volume: Path) -> FilmRequest:
+    def request_of(film_name: str, volume: Path | str) -> FilmRequest:
         problems = list[InputError]()
         return FilmRequest(
             volume=volume_spec(volume, reading, problems),
@@ -121,7 +125,7 @@ def turntable(
         Gallery(folder, reporter).finish()
 
 
-def _shared_look(look: Path | None, reference: Path | None) -> SharedLook | None:
+def _shared_look(look: Path | None, reference: Path | str | None) -> SharedLook | None:
     """Return the look that all volumes share, or None. Raises InputError for options that contradict it."""
     if look is None and reference is not None:
         hint = "--scene names a scene with values of this volume"
@@ -150,7 +154,7 @@ def _as_arguments(options: Mapping[str, object]) -> Iterator[str]:
             yield f"{flag}={','.join(map(str, value)) if isinstance(value, tuple) else value}"
 
 
-def _named_volumes(volumes: tuple[str, ...], reporter: Reporter) -> dict[str, Path]:
+def _named_volumes(volumes: tuple[str, ...], reporter: Reporter) -> dict[str, Path | str]:
     found, notes = expand_volumes(volumes)
     if not found:
         raise InputError("there is nothing to render", where="hsplat turntable", got=", ".join(volumes))

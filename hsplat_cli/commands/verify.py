@@ -14,7 +14,7 @@ import click
 
 from hsplat_cli.commands.shared_options import FILE, quiet_option
 from hsplat_cli.scenes import load_film
-from hsplat_cli.terminal import FilmEvents, OutputPath, Reporter
+from hsplat_cli.terminal import FilmEvents, OutputPath, Reporter, VolumePath
 from renderer.errors import HsplatError, Problem
 from renderer.scene import counted
 from renderer.system import join_lines, num_cores
@@ -31,7 +31,7 @@ _MAX_LINES = 20
 
 @click.command()
 @click.argument("film", type=FILE)
-@click.option("--volume", type=FILE, metavar="FILE", help="Take the volume from this file, if it was moved.")
+@click.option("--volume", type=VolumePath(), metavar="FILE", help="Take the volume from this file, if it was moved.")
 @click.option(
     "--precision",
     type=click.FloatRange(0.01, 100),
@@ -56,7 +56,7 @@ _MAX_LINES = 20
 )
 @quiet_option(help="Print nothing unless something differs.")
 def verify(
-    *, film: Path, volume: Path | None, precision: float, seed: int, json_file: Path | None, reporter: Reporter
+    *, film: Path, volume: Path | str | None, precision: float, seed: int, json_file: Path | None, reporter: Reporter
 ) -> None:
     """Verify a film by its sidecar; exit with 1 where it differs.
 

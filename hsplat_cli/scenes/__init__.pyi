@@ -8,7 +8,7 @@ from .scene_text import (
     look_lines as look_lines,
     suggest_scene as suggest_scene,
     transfer_lines as transfer_lines,
-    volume_file as volume_file,
+    volume_place as volume_place,
 )
 from .shared_look import SharedLook as SharedLook
 from .volume_arguments import (
@@ -18,7 +18,12 @@ from .volume_arguments import (
     volume_options as volume_options,
     volume_spec as volume_spec,
 )
-from .volume_names import base_name as base_name, expand_volumes as expand_volumes, name_volumes as name_volumes
+from .volume_names import (
+    base_name as base_name,
+    expand_volumes as expand_volumes,
+    name_volumes as name_volumes,
+    own_name as own_name,
+)
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.

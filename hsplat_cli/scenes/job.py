@@ -109,10 +109,10 @@ def _require_labels(scene: FilmScene, editor: TreeEditor) -> None:
     raise_problems(editor.located_problems(label_problems(scene, read_volume)))
 
 
-def load_film(film: Path, volume: Path | None) -> FilmJob:
+def load_film(film: Path, volume: Path | str | None) -> FilmJob:
     """Load the job that made a film.
 
-    film: the file of the film, the template of its numbered frames, or its sidecar. volume: the new path of the film's
+    film: the file of the film, the template of its numbered frames, or its sidecar. volume: the new place of the film's
     volume, if the volume was moved. Raises InputError where there is no sidecar, and SceneError.
     """
     from renderer.record import FinishedFilm

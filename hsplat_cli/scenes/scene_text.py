@@ -12,10 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, TypeVar
-from urllib.parse import urlsplit
 
 from hsplat_cli.scenes.volume_arguments import read_with_options
-from hsplat_cli.scenes.volume_names import name_volumes
+from hsplat_cli.scenes.volume_names import name_volumes, own_name
 from hsplat_cli.terminal import Reporter
 from renderer.errors import Problem, SceneError
 from renderer.scene import (
@@ -103,7 +102,7 @@ def suggest_scene(
     text = compose_scene(found, film, folder=scene.parent, output=output, under=under)
     _check(text, scene)
     for each in filter(None, (found, under)):
-        chosen, name = each.suggestion, volume_file(each.volume)
+        chosen, name = each.suggestion, volume_place(each.volume)
         is_constant = chosen.kind == _CONSTANT
         first = f"{'warning: ' * is_constant}{chosen.kind}; {chosen.reason}"
         (reporter.warning if is_constant else reporter.status)(f"{name}: {first}")
@@ -170,7 +169,7 @@ def compose_scene(
 
 
 def _name(found: VolumeSuggestion) -> str:
-    return printable(volume_file(found.volume).name)
+    return printable(own_name(volume_place(found.volume)))
 
 
 def _about(found: VolumeSuggestion) -> Iterator[str]:
@@ -196,7 +195,7 @@ def look_lines(suggestion: Suggestion) -> Iterator[str]:
 def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Path) -> Iterator[str]:
     """Yield the lines of the section `volumes` for one volume over another."""
     yield from (_TRANSFER_COMMENT, "volumes:")
-    names = name_volumes([volume_file(upper.volume), volume_file(lower.volume)])
+    names = name_volumes([volume_place(upper.volume), volume_place(lower.volume)])
     for number, (found, name) in enumerate(zip((upper, lower), names, strict=True)):
         suggestion = found.suggestion
         yield from [""] * number
@@ -207,13 +206,10 @@ def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Pat
         yield from (f"    {line}" for line in section)
 
 
-def volume_file(volume: VolumeSpec) -> Path:
-    """Return the file or folder of a volume; for steps in time the file that lists them, or else the first step.
-
-    Of a URL, it is the path, whose last part is the name of the store.
-    """
+def volume_place(volume: VolumeSpec) -> Path | str:
+    """Return the file, the folder or the URL of a volume; for steps in time the file that lists them, or the first."""
     if isinstance(volume.source, UrlSource):
-        return Path(urlsplit(volume.source.url).path)
+        return volume.source.url
     file = getattr(volume.source, "collection", None) or getattr(volume.source, "file", None)
     assert isinstance(file, Path), volume.source
     return file
@@ -235,7 +231,7 @@ def place_in(folder: Path, file: FileOrFiles) -> FileOrFiles:
     """Return a file, or a list of files, as a scene in `folder` names it: relative to `folder`, unless absolute."""
     if isinstance(file, list):
         return [place_in(folder, each) for each in file]
-    return file if os.path.isabs(file) or is_url(file) else relative_path(file, folder)
+    return file if os.path.isabs(file) else relative_path(file, folder)
 
 
 def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iterator[str]:

@@ -9,8 +9,9 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hsplat_cli.scenes.scene_text import SCENE_HINT, place_in, volume_file
+from hsplat_cli.scenes.scene_text import SCENE_HINT, place_in, volume_place
 from hsplat_cli.scenes.volume_arguments import read_with_options
+from hsplat_cli.scenes.volume_names import own_name
 from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
@@ -58,16 +59,16 @@ class SharedLook:
 
     path: Path
     content: bytes
-    reference: Path | None
+    reference: Path | str | None
 
     @classmethod
-    def load(cls, path: Path, reference: Path | None) -> SharedLook:
+    def load(cls, path: Path, reference: Path | str | None) -> SharedLook:
         """Read a look. Raises InputError, and SceneError with all mistakes that would concern every volume."""
         look = cls(path, read_content(path), reference)
         if may_be_json(look.content):
             hint = "the YAML file of the scene, such as that beside a film of turntable"
             raise InputError("not a scene", where=str(path), expected=hint)
-        if reference is not None and not reference.exists():
+        if isinstance(reference, Path) and not reference.exists():
             raise missing_file_error(reference)
         raise_problems(look._editor.located_problems(look._problems()))
         return look
@@ -137,7 +138,7 @@ class SharedLook:
 
         Raises InputError where a volume cannot be matched.
         """
-        tree, name, notes = self._editor.tree.data, printable(volume_file(volume).name), list[str]()
+        tree, name, notes = self._editor.tree.data, printable(own_name(volume_place(volume))), list[str]()
         tree = with_files(tree, partial(_place_from, scene.parent, self.path.parent))
         plain, own = spec_to_dict(volume), _given(volume)
         section = plain.get("raw", plain)
@@ -150,7 +151,7 @@ class SharedLook:
         if self.reference is not None:
             own_volume = replace(self.scene.at(0).layers[0].volume, source=volume.source, **own)
             line = self._match(own_volume, reporter)
-            notes.append(f"values of {name} are values of {printable(self.reference.name)} {line}")
+            notes.append(f"values of {name} are values of {printable(own_name(self.reference))} {line}")
             reporter.status(notes[0])
             _map_layer(_own_entries(tree)[0] if "volumes" in tree else tree, self.scene.film_layers[0], line)
         for output, file in zip(outputs_of(tree), self.outputs(scene.parent, scene.stem).files, strict=True):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import click
 
-from hsplat_cli.terminal import Command, Reporter, packed_options
+from hsplat_cli.terminal import Command, Reporter, VolumePath, packed_options
 from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
 from renderer.scene import (
@@ -195,7 +195,9 @@ film_options = packed_options(
         metavar="WORD|NAME|FILE[#NAME]",
         help=f"Show {', '.join(PRESET_WORDS)}; or take a preset such as ct-bone, or another program's file.",
     ),
-    click.option("--over", type=Path, metavar="FILE", help="Show it over this volume, both in world coordinates."),
+    click.option(
+        "--over", type=VolumePath(), metavar="FILE", help="Show it over this volume, both in world coordinates."
+    ),
     _keyed("--tolerance", TOLERANCE_FIELD, "ERROR", "Smaller is more exact and slower.", default=_DEFAULT.tolerance),
 )
 

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 from renderer.errors import InputError
 from renderer.job import expand_pattern, header_data_files
 from renderer.readers import series_of_slice, volumes_in
-from renderer.scene import join_some
+from renderer.scene import join_some, path_or_url
 
 # Matches the ending of a volume's name that the name of its film leaves out: of scan.v2.nii.gz only .nii.gz.
 _ENDINGS = re.compile(
@@ -28,14 +28,21 @@ def base_name(volume: Path | str) -> str:
 
     volume: a path, or a text that is the URL of a store.
     """
-    if isinstance(volume, str):
-        volume = Path(urlsplit(volume).path)
-    return _safe(_ENDINGS.sub("", _own_name(volume)))
+    return _safe(_ENDINGS.sub("", own_name(volume)))
 
 
-def _own_name(volume: Path) -> str:
-    """Return the name of a file or folder, also for `scan/`, `.` and `..`."""
-    return volume.name if volume.name not in ("", "..") else volume.resolve().name
+def own_name(volume: Path | str) -> str:
+    """Return the name of a file or a folder, also for `scan/`, `.` and `..`, or the last part of a URL's path."""
+    path = _path_of(volume)
+    return path.name if isinstance(volume, str) or path.name not in ("", "..") else path.resolve().name
+
+
+def _path_of(volume: Path | str) -> Path:
+    """Return the path of a volume; of a URL, the server followed by the path there."""
+    if isinstance(volume, Path):
+        return volume
+    parts = urlsplit(volume)
+    return Path("/", parts.netloc, parts.path.strip("/"))
 
 
 def _safe(name: str) -> str:
@@ -45,16 +52,20 @@ def _safe(name: str) -> str:
     return text or "volume"
 
 
-def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
+def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path | str], list[str]]:
     """Return the volumes, each once, in the order given, and notes about volumes that are left out.
 
     Expands patterns that the shell has left, in sorted order, and folders of several volumes, to any depth. Leaves out
     data files whose headers are among the volumes, and replaces single slices of a DICOM series by their folder. An
     argument that cannot be read, such as a pattern that matches nothing, stays, and is an error when its film is made.
+    So does a URL, which is not opened here.
     """
-    found: dict[Path, Path] = {}
+    found: dict[Path, Path | str] = {}
     others: dict[Path, list[Path]] = {}  # files of a folder of volumes that belong to no volume, by folder
     for text in arguments:
+        if isinstance(place := path_or_url(text), str):
+            found.setdefault(Path(text), place)
+            continue
         try:
             paths = expand_pattern(text)
         except InputError:
@@ -66,7 +77,13 @@ def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
             taken = {part for each in inside for part in (each, *each.parents)}
             others |= {path: sorted({*path.iterdir()} - taken)} if inside else {}
     found, joined = _join_slices(found)
-    data = {file: head for key, head in found.items() for file in header_data_files(head) if file != key}
+    data = {
+        file: head
+        for key, head in found.items()
+        if isinstance(head, Path)
+        for file in header_data_files(head)
+        if file != key
+    }
     notes = [*joined, *(f"{path} is the data of {data[key]}" for key, path in found.items() if key in data)]
     for folder, entries in others.items():
         unused = [each for each in entries if _real(each) not in data and _real(each) not in found]
@@ -89,15 +106,15 @@ def _volumes_in(path: Path) -> list[Path]:
     return []
 
 
-def _join_slices(found: dict[Path, Path]) -> tuple[dict[Path, Path], list[str]]:
+def _join_slices(found: dict[Path, Path | str]) -> tuple[dict[Path, Path | str], list[str]]:
     """Return the volumes with the folder in place of single slices of one DICOM series, and a note on each folder."""
     slices: dict[tuple[Path, str], list[Path]] = {}
     for key, path in found.items():
         with contextlib.suppress(InputError, OSError):
-            if path.is_file() and (series := series_of_slice(path)) is not None:
+            if isinstance(path, Path) and path.is_file() and (series := series_of_slice(path)) is not None:
                 slices.setdefault((path.parent, series), []).append(key)
     joined = {key: folder for (folder, _), keys in slices.items() if len(keys) > 1 for key in keys}
-    volumes: dict[Path, Path] = {}
+    volumes: dict[Path, Path | str] = {}
     for key, path in found.items():
         folder = joined.get(key)
         volumes.setdefault(key if folder is None else _real(folder), path if folder is None else folder)
@@ -105,17 +122,17 @@ def _join_slices(found: dict[Path, Path]) -> tuple[dict[Path, Path], list[str]]:
     return volumes, [f"{num} files of {folder} are slices of one volume: the folder is drawn" for folder, num in counts]
 
 
-def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:
+def name_volumes(volumes: Sequence[Path | str]) -> dict[str, Path | str]:
     """Return the volumes by the names of their films; the names are unique, also on systems that ignore case.
 
     A name is `scan`. Where several volumes would have this name, each gets its folder, `a_scan`, or else its ending,
     `scan.nrrd`, or both, or two folders, or a number.
     """
-    alike: dict[str, list[Path]] = {}
+    alike: dict[str, list[Path | str]] = {}
     for volume in volumes:
         alike.setdefault(base_name(volume).lower(), []).append(volume)
     form = {base: _distinguishing_form(group) for base, group in alike.items()}
-    result: dict[str, Path] = {}
+    result: dict[str, Path | str] = {}
     for volume in volumes:
         name = wanted = form[base_name(volume).lower()](volume)
         number = 1
@@ -126,13 +143,13 @@ def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:
     return result
 
 
-def _distinguishing_form(group: Sequence[Path]) -> Callable[[Path], str]:
+def _distinguishing_form(group: Sequence[Path | str]) -> Callable[[Path | str], str]:
     """Return the first function from a volume to a name that gives each of these volumes a name of its own."""
-    forms: list[Callable[[Path], str]] = [
+    forms: list[Callable[[Path | str], str]] = [
         base_name,
-        lambda volume: _safe(f"{volume.absolute().parent.name}_{base_name(volume)}"),
-        lambda volume: _safe(_own_name(volume)),
-        lambda volume: _safe(f"{volume.absolute().parent.name}_{_safe(_own_name(volume))}"),
-        lambda volume: _safe("_".join([*volume.absolute().parts[-3:-1], base_name(volume)])),
+        lambda volume: _safe(f"{_path_of(volume).absolute().parent.name}_{base_name(volume)}"),
+        lambda volume: _safe(own_name(volume)),
+        lambda volume: _safe(f"{_path_of(volume).absolute().parent.name}_{_safe(own_name(volume))}"),
+        lambda volume: _safe("_".join([*_path_of(volume).absolute().parts[-3:-1], base_name(volume)])),
     ]
     return next((form for form in forms if len({form(volume).lower() for volume in group}) == len(group)), forms[1])

@@ -13,7 +13,7 @@ from typing import TypeVar
 import click
 
 from renderer.errors import InputError
-from renderer.scene import TILDE_HINT, format_value, has_unexpanded_tilde, is_url
+from renderer.scene import TILDE_HINT, format_value, has_unexpanded_tilde, path_or_url
 
 # The type of a command while it is declared: a function, or the click command that was made of the function.
 Command = TypeVar("Command", bound="Callable[..., object] | click.Command")
@@ -94,7 +94,8 @@ class VolumePath(click.Path):
         self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
     ) -> str | bytes | os.PathLike[str]:
         """Return the path, or the URL."""
-        return str(value) if is_url(value) else super().convert(value, param, ctx)
+        place = path_or_url(os.fspath(value))
+        return place if isinstance(place, str) else super().convert(value, param, ctx)
 
 
 def parse_duration(text: str, *, where: str) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from hsplat_cli.scenes import volume_file
+from hsplat_cli.scenes import volume_place
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import manifest
 from hsplat_cli.turntable.film_process import FilmProcess
@@ -34,7 +34,7 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
     try:
         with FilmProcess(arguments, folder, reporter) as process:
             for number, request in enumerate(requests, start=1):
-                reporter.status(f"[{number}/{len(requests)}] {volume_file(request.volume)}")
+                reporter.status(f"[{number}/{len(requests)}] {volume_place(request.volume)}")
                 known = earlier.get(request.scene.name)
                 if known is not None and _is_up_to_date(known, request):
                     reporter.status(f"{request.output} is up to date; --force draws it again")

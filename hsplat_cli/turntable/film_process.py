@@ -17,7 +17,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from dataclasses import replace
 from pathlib import Path
 
-from hsplat_cli.scenes import volume_file
+from hsplat_cli.scenes import volume_place
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import manifest
 from hsplat_cli.turntable.film_request import FilmRequest
@@ -25,6 +25,7 @@ from hsplat_cli.turntable.manifest import FILM_ENTRY, FilmEntry
 from hsplat_cli.turntable.one_film import make_film
 from renderer.errors import HsplatError, RenderError
 from renderer.record import field_types as types, record_to_json, round_seconds
+from renderer.scene import path_or_url
 from renderer.system import ChildProcesses, describe_exit
 
 # Seconds that an interrupted process has to remove its unfinished work and end. After them it is killed: a library that
@@ -69,7 +70,7 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
         status = self._process.wait()
         error = RenderError(
             "the process that made this film ended early",
-            where=str(volume_file(request.volume)),
+            where=str(volume_place(request.volume)),
             got=describe_exit(status),
             hint="where memory runs out the system sends this signal" if status == -signal.SIGKILL else None,
         )
@@ -80,7 +81,7 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
 
     def _ask(self, request: FilmRequest, meanwhile: Callable[[], None]) -> FilmEntry | None:
         """Return the entry of a film that the process has made; None if the process ended before its answer."""
-        asked, answer = json.dumps([request.scene.stem, str(volume_file(request.volume))]), b""
+        asked, answer = json.dumps([request.scene.stem, str(volume_place(request.volume))]), b""
         with suppress(OSError):  # the process is gone
             self._connection.sendall(f"{asked}\n".encode())
         meanwhile()
@@ -110,7 +111,9 @@ def _started(arguments: Sequence[str]) -> Iterator[tuple[subprocess.Popen[bytes]
         process.wait()
 
 
-def make_requested_films(connection: int, request_of: Callable[[str, Path], FilmRequest], reporter: Reporter) -> None:
+def make_requested_films(
+    connection: int, request_of: Callable[[str, Path | str], FilmRequest], reporter: Reporter
+) -> None:
     """Make the films that a FilmProcess asks for, until it closes the connection. A film may fail.
 
     connection: the descriptor of the socket. request_of: a function that returns the request for a film of a name and
@@ -119,7 +122,7 @@ def make_requested_films(connection: int, request_of: Callable[[str, Path], Film
     with socket.socket(fileno=connection) as batch, batch.makefile("rb") as lines:
         for line in lines:
             name, volume = json.loads(line)
-            request = request_of(name, Path(volume))
+            request = request_of(name, path_or_url(volume))
             try:
                 film = make_film(request, reporter)
             except HsplatError as error:

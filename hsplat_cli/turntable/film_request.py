@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.scenes import SharedLook, volume_file
+from hsplat_cli.scenes import SharedLook, volume_place
 from hsplat_cli.turntable.gallery import CONTACT_FILE, PAGE_FILE, poster_file
 from hsplat_cli.turntable.manifest import FAILED, LOCK_FILE, MANIFEST_FILE, NOT_STARTED, FilmEntry, Status
 from renderer.errors import HsplatError, InputError, OutputLockedError
@@ -54,7 +54,7 @@ class FilmRequest:
     def entry(self, status: Status) -> FilmEntry:
         """Return the film's entry of turntable.json, with nothing but its files and its status."""
         folder = self.scene.parent
-        volume = relative_path(volume_file(self.volume), folder)
+        volume = relative_path(volume_place(self.volume), folder)
         return FilmEntry(volume, self.scene.name, relative_path(self.output, folder), status)
 
     def failure(self, error: HsplatError) -> FilmEntry:
@@ -68,14 +68,18 @@ class FilmRequest:
 
     @property
     def volume_path(self) -> str:
-        """Return the path of the volume, relative to the folder and without links."""
-        return os.path.relpath(os.path.realpath(volume_file(self.volume)), os.path.realpath(self.scene.parent))
+        """Return the path of the volume, relative to the folder and without links, or its URL."""
+        place = volume_place(self.volume)
+        if isinstance(place, str):
+            return place
+        return os.path.relpath(os.path.realpath(place), os.path.realpath(self.scene.parent))
 
     def input_files(self) -> Iterator[Path]:
         """Yield all files that the film is made from."""
         for volume in filter(None, (self.volume, self.film.under)):
             yield from volume_files(volume)
-            if ".ome." in (file := volume_file(volume)).name:  # an OME file may name other files beside it
+            file = volume_place(volume)
+            if isinstance(file, Path) and ".ome." in file.name:  # an OME file may name other files beside it
                 yield from sorted(file.parent.glob("*.ome.*"))
         if self.film.preset is not None:
             yield Path(self.film.preset.partition("#")[0])

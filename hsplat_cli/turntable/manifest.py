@@ -18,7 +18,7 @@ from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import HsplatError, InputError, OutputLockedError, RenderError
 from renderer.film import lock_slots
 from renderer.record import RecordFile, field_types as types, record_to_json
-from renderer.scene import counted, found_path, schema
+from renderer.scene import counted, found_path, is_url, schema
 
 MANIFEST_FILE = "turntable.json"
 LOCK_FILE = f".{MANIFEST_FILE}.lock"
@@ -205,8 +205,8 @@ def _is_current(folder: Path, film: FilmEntry) -> bool:
 
 
 def has_volume(folder: Path, film: FilmEntry) -> bool:
-    """Return whether the volume of an entry still exists."""
-    return os.path.exists(found_path(film.volume, folder))
+    """Return whether the volume of an entry still exists; a volume at a URL counts as one that does."""
+    return is_url(film.volume) or os.path.exists(found_path(film.volume, folder))
 
 
 def manifest_table(folder: Path, films: Sequence[FilmEntry]) -> str:
@@ -220,7 +220,8 @@ def manifest_table(folder: Path, films: Sequence[FilmEntry]) -> str:
 
 def _row(folder: Path, film: FilmEntry, keys: Iterable[str]) -> list[str]:
     shown = record_to_json(film) | {key: decimal_text(getattr(film, key)) or "-" for key in DECIMAL_KEYS}
-    shown |= {"volume": os.path.normpath(folder / film.volume), "film": os.path.normpath(folder / film.film)}
+    volume = film.volume if is_url(film.volume) else os.path.normpath(folder / film.volume)
+    shown |= {"volume": volume, "film": os.path.normpath(folder / film.film)}
     if film.status != FINISHED:
         shown["film"] = (film.error or "-").splitlines()[0]
     return [str(shown.get(key, "-")) for key in keys]

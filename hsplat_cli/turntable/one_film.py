@@ -9,9 +9,10 @@ from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hsplat_cli.scenes import suggest_scene, volume_file
+from hsplat_cli.scenes import suggest_scene, volume_place
 from hsplat_cli.terminal import FilmEvents, Reporter, report_film
 from hsplat_cli.turntable import manifest
 from hsplat_cli.turntable.film_request import FilmRequest
@@ -30,6 +31,7 @@ from renderer.scene import (
     FilmScene,
     LabelsSpec,
     accuracy_of,
+    is_url,
     join_some,
     parse_scene_content,
 )
@@ -64,7 +66,8 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     """Write the scene, render it, and return the film's entry for turntable.json. Raises HsplatError."""
     if request.problem is not None:
         raise request.problem
-    expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
+    if isinstance(place := volume_place(request.volume), Path):
+        expand_pattern(str(place))  # raises where no file matches
     inputs = file_states(request.input_files())
     # Checked before the volume is read, which may take long.
     require_writable(request.scene)
@@ -199,10 +202,11 @@ def _require_replaceable(request: FilmRequest, content: bytes) -> bool:
             hint=f"`hsplat render {scene}` renders it; --force overwrites it",
         )
     if volume != request.volume_path:
+        place = os.path.join(os.path.realpath(scene.parent), volume)
         raise InputError(
             "a film of another volume has this name",
             where=str(scene),
-            got=f"the scene of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), volume))}",
+            got=f"the scene of {volume if is_url(volume) else os.path.relpath(place)}",
             hint="give this one another --output, or both to one command, which gives them different names; "
             "--force overwrites it",
         )

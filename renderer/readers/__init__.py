@@ -9,6 +9,7 @@ Sizes are checked before memory is taken, and the checksums of compressed voxels
 - `foreign.py`: errors for known formats that are not read, which `foreign.tsv` lists
 - `headerless.py`: the shape and type in the name of a file without a header
 - `image.py`: the image that every reader returns
+- `axis_letters.py`: which axes of an array are of times, of components and of space
 - `components.py`: the choice of a step in time and a component, and which components are light or colours
 - `affines.py`: the places of voxels in the world
 - `voxel_limits.py`: checks of sizes and types
@@ -36,7 +37,7 @@ Formats that a library parses, in a child process:
 - `isolation.py`: the child process with its limits
 - `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py` (VTK), `hdf5.py` (h5py), `pictures.py` (Pillow): a
   file for each format
-- `store.py` (tensorstore): an image of a store, by the room `stores`
+- `store.py` (tensorstore): an image in levels, by the room `stores`
 - `slice_names.py`: the order of slices in separate files
 - `orientation.py`: turned and mirrored pictures
 
@@ -56,7 +57,8 @@ VTK:
 
 HDF5:
 
-- `hdf5_image.py`: the description of an image, which each convention returns
+- `hdf5_image.py`: the description of an image of one dataset
+- `hdf5_levels.py`: an image with a dataset for each level, time and channel
 - `hdf5_cf.py` (netCDF, ilastik, any dataset), `hdf5_nexus.py`, `hdf5_emd.py`, `hdf5_imaris.py`, `hdf5_bdv.py`: a file
   for each convention
 - `hdf5_values.py`: the meaning of stored numbers

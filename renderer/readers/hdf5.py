@@ -1,31 +1,33 @@
 """Read an image of HDF5 (.h5, .ims, MATLAB 7.3) or netCDF-4 (.nc), by h5py, in a child process (`isolation.py`).
 
 A convention says which datasets are images, and gives the axes and the meaning of their numbers. `_CONVENTIONS` lists
-the conventions; the last one describes any dataset. No other file is ever opened, except for the description of
+the conventions; the last one describes any dataset. An image with levels is read like a store (`store.py`). No other
+file is ever opened, except for the description of
 BigDataViewer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from renderer.errors import InputError, require_package
 from renderer.readers import hdf5_bdv, hdf5_cf, hdf5_emd, hdf5_imaris, hdf5_nexus
-from renderer.readers.components import Chosen, choose
-from renderer.readers.hdf5_image import Candidate, StoredImage, letters_of, place_of
-from renderer.readers.hdf5_objects import check_dataset
+from renderer.readers.axis_letters import letters_of
+from renderer.readers.components import choose
+from renderer.readers.hdf5_image import Candidate, PlainImage, place_of
+from renderer.readers.hdf5_levels import LevelsOfFile, Pyramid
+from renderer.readers.hdf5_objects import check_dataset, decoded
 from renderer.readers.hdf5_values import Values
 from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
-from renderer.readers.steps_in_time import TimeSteps
+from renderer.readers.store import Wanted, choose_level, read_levels
 from renderer.readers.units import units_of
-from renderer.readers.voxel_limits import describe_shape
+from renderer.readers.voxel_limits import check_crop, check_size, describe_shape
 from renderer.scene import did_you_mean, join_some, short_text
+from renderer.stores import axis_named, slabs_of
 from renderer.volume import Array
 
 # The functions that find the images of a file, one for each convention, in the order in which they are tried.
@@ -38,78 +40,76 @@ _CONVENTIONS = (
 )
 
 
-def read_hdf5(
-    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host, dataset: str | None
-) -> Image:
-    """Read one time step and component of the named image, or of the only image if none is named.
+def read_hdf5(path: Path, *, has_spacing_override: bool, host: Host, **wanted: Any) -> Image:
+    """Read a part of the named image, or of the only image if none is named.
 
-    has_spacing_override: the scene gives the spacing, so that coordinates need not be even. Raises InputError for
-        files that are damaged, hold no such image or several, or whose voxels are in other files.
+    has_spacing_override: the scene gives the spacing, so that coordinates need not be even. wanted: the fields of
+        `Wanted`. Raises InputError for files that are damaged, hold no such image or several, or whose voxels are in
+        other files.
     """
     require_package("h5py", extra="hdf5")
     import h5py
 
+    part = Wanted(**wanted)
     with h5py.File(path, "r", locking=False) as file:
-        found = _only(file) if dataset is None else _named(file, dataset)
+        found = _only(file) if part.dataset is None else _named(file, part.dataset)
         image = found.describe()
-        letters = letters_of(image.axes, time, component)
-        names = [each.name for each in image.channels]
-        chosen = choose(letters, image.shape, time, component, names if all(names) else ())
-        source = image.dataset(*chosen.part[: image.num_outer])
-        check_dataset(source, path)
-        part = tuple(slice(0, axis.length) if isinstance(item, slice) else item
-                     for axis, item in zip(image.axes, chosen.part, strict=True))[image.num_outer :]  # fmt: skip
-        meaning = image.values(source)
-        values = _read(source, part, meaning, host)
-        world_from_index, length, notes = place_of(image, letters, has_spacing_override)
-        steps = _steps(image, letters, chosen)
-    note = f"the only volume in this file, {short_text(found.name)}, is read" if dataset is None else None
+        if isinstance(image, Pyramid):
+            return read_levels(LevelsOfFile(image, file, path, found.name), part, host)
+        check_dataset(image.dataset, path)
+        name = found.name if part.dataset is None else None
+        return _plain_image(image, part, has_spacing_override=has_spacing_override, host=host, only_name=name)
+
+
+def _plain_image(
+    image: PlainImage, wanted: Wanted, *, has_spacing_override: bool, host: Host, only_name: str | None
+) -> Image:
+    """Return the wanted part of an image of one dataset. only_name: the name of an image that the scene does not name.
+
+    Only the chunks of a crop are read.
+    """
+    axes = [axis_named(axis.name, axis.unit) for axis in image.axes]
+    letters = letters_of(axes, image.shape, wanted.time, wanted.component)
+    chosen = choose(letters, image.shape, wanted.time, wanted.component)
+    meaning = image.values(image.dataset)
+    lengths = tuple(n for n, item in zip(image.shape, chosen.part, strict=True) if isinstance(item, slice))[::-1]
+    shape_xyz = (*lengths, *[1] * (3 - len(lengths)))
+    choose_level([check_size(shape_xyz, meaning.dtype)], wanted.level, math.inf)
+    box = None
+    if wanted.crop is not None:
+        box = tuple((pair[0], pair[1]) if pair else (0, n) for pair, n in zip(wanted.crop, shape_xyz, strict=True))
+        check_crop(box, shape_xyz)
+    ranges = iter((box or tuple((0, n) for n in shape_xyz))[: len(lengths)][::-1])
+    part = [slice(*next(ranges)) if isinstance(item, slice) else item for item in chosen.part]
+    values = _read(image.dataset, part, meaning, host)
+    world_from_index, length, notes = place_of(image, letters, has_spacing_override)
+    steps = image.axes[letters.index("t")].times() if "t" in letters else chosen.steps
+    note = f"the only volume in this file, {short_text(only_name)}, is read" if only_name is not None else None
     return Image(
         values,
         world_from_index,
         (note, *image.notes, *notes, *chosen.notes),
         meaning.nodata,
-        _channels(image, chosen),
+        chosen.channels,
         meaning.labels,
         steps,
         units_of(length, value=meaning.unit),
+        box=box,
     )
 
 
-def _read(source: Any, part: tuple[int | slice, ...], meaning: Values, host: Host) -> Array:
+def _read(source: Any, part: Sequence[int | slice], meaning: Values, host: Host) -> Array:
     """Return the values [z, y, x] of a part of a dataset."""
-    shape = tuple(item.stop for item in part if isinstance(item, slice))
+    shape = tuple(item.stop - item.start for item in part if isinstance(item, slice))
     values = allocate_voxels(host, (1,) * (3 - len(shape)) + shape, meaning.dtype)
-    stored = values if meaning.is_scaled else values.view(source.dtype.newbyteorder("="))
-    try:
-        source.read_direct(stored.reshape(shape), np.s_[part])
-    except OSError as error:
-        raise InputError(
-            "the voxels of this dataset cannot be decoded",
-            got=short_text(" ".join(str(error).split())),
-            hint="the file is damaged, or compressed by a filter that is not installed: `h5repack -f GZIP=4` "
-            "compresses it by another",
-        ) from error
-    if meaning.is_scaled:
-        for plane in values:
-            plane[...] = meaning.of(plane)
+    for own, target in slabs_of(part, source.chunks or (1,) * source.ndim, values.reshape(shape)):
+        stored = decoded(source, own)
+        if not meaning.is_scaled:
+            target[...] = stored.view(target.dtype)
+            continue
+        for plane, own_plane in zip(target, stored, strict=True):  # of one plane at a time, values are float64
+            plane[...] = meaning.of(own_plane)
     return values
-
-
-def _steps(image: StoredImage, letters: str, chosen: Chosen) -> TimeSteps:
-    """Return the steps in time: of the image itself, else of its axis of time, else of `chosen`."""
-    if image.steps is not None:
-        return image.steps
-    return image.axes[letters.index("t")].times() if "t" in letters else chosen.steps
-
-
-def _channels(image: StoredImage, chosen: Chosen) -> tuple[Any, ...]:
-    """Return the channels that the image describes, without colours if two have the same; else those of `chosen`."""
-    count = len(chosen.channels)
-    if count < 2 or len(image.channels) != count:
-        return chosen.channels
-    tell_apart = len({each.color for each in image.channels}) == count
-    return tuple(replace(each, color=each.color if tell_apart else None) for each in image.channels)
 
 
 def _candidates(file: Any) -> Iterator[list[Candidate]]:

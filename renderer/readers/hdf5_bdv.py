@@ -18,12 +18,13 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.affines import NO_SPACING
-from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
-from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, open_inside
-from renderer.readers.hdf5_values import Values, plain_values
+from renderer.readers.hdf5_image import Candidate
+from renderer.readers.hdf5_levels import Pyramid, axes_in_space, place_by
+from renderer.readers.hdf5_objects import Group, dataset_at, open_inside
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.text_header import MAX_HEADER_BYTES
 from renderer.scene import short_text
+from renderer.stores import ImagePlan, LevelPlan
 from renderer.system import number_in
 from renderer.volume import Channel, Float64
 
@@ -31,7 +32,7 @@ STATEMENTS = FormatTable(
     "BigDataViewer",
     (
         Statement("cells", "values", "unsigned numbers of 16 bits, stored as signed ones"),
-        Statement("resolutions", "place", "the levels of one image, of which the finest is drawn, and their steps"),
+        Statement("resolutions", "place", "the levels of one image, and their steps"),
         Statement("size", "values", "the size without padding, in .xml"),
         Statement("voxelSize", "place", "the lengths of voxels and their unit, in .xml"),
         Statement("channel", "meaning", "setups that are channels of one image, in .xml"),
@@ -83,21 +84,17 @@ class _Description:
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return the images of a file, each of one setup or of several setups that are its channels.
-
-    Each coarser level is returned, too, but is read only if the scene names it.
-    """
+    """Return the images of a file with their levels; each image has one setup, or several that are its channels."""
     numbers = sorted(int(name[1:]) for name in file if _SETUP.fullmatch(name))
     levels = {number: factors for number in numbers if len(factors := _level_factors(file, number))}
     if not levels or open_inside(file, "t00000") is None:
         return []
     description, found = _description(Path(file.filename)), []
     for setups in _channels_of_images([*levels], description):
-        for level, factors in enumerate(levels[setups[0]].tolist()):
-            name = f"s{setups[0]:02}" + f"/{level}" * (level > 0)
-            describe = partial(_describe, file, setups, level, factors[::-1], description)
-            shape = _cells(file, 0, setups[0], level).shape
-            found.append(Candidate(name, shape, describe, is_part=level > 0))
+        data, setup = dataset_at(file, _path(setups, 0, 0, 0)), description.setups.get(setups[0])
+        shape = setup.sizes if setup and setup.sizes else data.shape if data is not None else ()
+        describe = partial(_describe, file, setups, levels[setups[0]], description)
+        found.append(Candidate(f"s{setups[0]:02}", shape, describe))
     return found
 
 
@@ -125,56 +122,35 @@ def _channels_of_images(numbers: Sequence[int], description: _Description) -> li
     return list(images.values())
 
 
-def _describe(
-    file: Group, setups: Sequence[int], level: int, factors: Sequence[float], description: _Description
-) -> StoredImage:
-    """Return a level of an image, with each setup as a channel.
-
-    factors: the sizes of the level's voxels along z, y and x, in voxels of the finest level.
-    """
-    times = next((k for k in range(_MAX_TIMES) if open_inside(file, f"t{k:05}") is None), _MAX_TIMES)
+def _describe(file: Group, setups: Sequence[int], factors: Float64, description: _Description) -> Pyramid:
+    """Return an image, with each setup as a channel. factors: as `_level_factors` returns them."""
+    num_times = next((k for k in range(_MAX_TIMES) if open_inside(file, f"t{k:05}") is None), _MAX_TIMES)
     setup = description.setups.get(setups[0], _Setup(setups[0]))
-    stored = _cells(file, 0, setups[0], level).shape
-    said = (setup.sizes or stored) if level == 0 else stored
-    sizes = tuple(min(n, own) for n, own in zip(said, stored, strict=True))
-
-    def cells(time: int, channel: int) -> Dataset:
-        return _cells(file, time, setups[channel], level, sizes)
-
     # A voxel of a coarser level is the mean of several fine voxels, and lies at their centre.
-    steps = [((factor - 1) / 2 * size, factor * size) for size, factor in zip(setup.lengths, factors, strict=False)]
-    names = [description.setups.get(number, _Setup(number)).name for number in setups]
-    return StoredImage(
-        (
-            Axis(times, "time"),
-            Axis(len(setups), "channel"),
-            *(Axis(n, way, setup.unit, way, steps=steps[k] if steps else None)
-              for k, (n, way) in enumerate(zip(sizes, "zyx", strict=True))),
-        ),
-        cells,
-        _values,
-        num_outer=2,
-        channels=tuple(Channel(name, is_light=True) for name in names),
-        notes=(STATEMENTS.note({"ViewRegistrations"} if description.is_moved else ()),),
-        lengths_note=NO_SPACING if description.is_there else _NO_XML,
-    )  # fmt: skip
-
-
-def _values(dataset: Dataset) -> Values:
-    return plain_values(dataset, is_unsigned=dataset.dtype.itemsize == 2)
-
-
-def _cells(file: Group, time: int, setup: int, level: int, sizes: Sequence[int] = (1, 1, 1)) -> Dataset:
-    """Return the dataset of a setup at a time and a level; raises InputError if it is smaller than `sizes`."""
-    path = f"t{time:05}/s{setup:02}/{level}/cells"
-    found = dataset_at(file, path)
-    if found is None or found.ndim != 3 or any(n < own for n, own in zip(found.shape, sizes, strict=True)):
-        raise InputError(
-            "this BigDataViewer file lacks the voxels of a setup",
-            got=short_text(path),
-            hint="they are in other files, which are not opened: export it again as one file; or the file is damaged",
+    plans = tuple(
+        LevelPlan(
+            f"s{setups[0]:02}/{level}",
+            place_by([((factor - 1) / 2 * size, factor * size)
+                      for size, factor in zip(setup.lengths or (1.0, 1.0, 1.0), own[::-1], strict=True)]),
         )
-    return found
+        for level, own in enumerate(factors.tolist())
+    )  # fmt: skip
+    no_lengths = NO_SPACING if description.is_there else _NO_XML
+    moved = STATEMENTS.note({"ViewRegistrations"} if description.is_moved else ())
+    plan = ImagePlan(
+        "hdf5",
+        axes_in_space(setup.unit),
+        plans,
+        tuple(Channel(description.setups.get(number, _Setup(number)).name, is_light=True) for number in setups),
+        notes=tuple(filter(None, (moved, None if setup.lengths else no_lengths))),
+    )
+    unknown = (0, 0, 0)
+    sizes = [setup.sizes or unknown, *[unknown] * (len(factors) - 1)]
+    return Pyramid(plan, sizes, num_times, len(setups), partial(_path, setups), is_unsigned=True)
+
+
+def _path(setups: Sequence[int], level: int, time: int, channel: int) -> str:
+    return f"t{time:05}/s{setups[channel]:02}/{level}/cells"
 
 
 def _description(path: Path) -> _Description:

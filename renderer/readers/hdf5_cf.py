@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from renderer.readers.affines import no_spacing
-from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
+from renderer.readers.hdf5_image import Axis, Candidate, PlainImage
 from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, groups_and_datasets, line_at, numbers, text, texts
 from renderer.readers.hdf5_values import Values, values_of
 from renderer.readers.statements import FormatTable, Statement
@@ -109,16 +109,16 @@ def find_images(file: Group) -> list[Candidate]:
     ]
 
 
-def describe(dataset: Dataset) -> StoredImage:
+def describe(dataset: Dataset) -> PlainImage:
     """Return the description of a dataset as an image."""
     tags = _axistags(dataset)
     axes = tuple(_axis(dataset, k, tags[k] if tags else {}) for k in range(dataset.ndim))
     found = set(_unapplied(dataset, axes))
     owners = (dataset, dataset.parent)
     names = sorted({name for owner in owners for name in owner.attrs if _MAY_BE_LENGTHS.search(name.lower())})
-    return StoredImage(
+    return PlainImage(
         axes,
-        lambda: dataset,
+        dataset,
         values_with_labels,
         sizes=tuple(numbers(dataset, "element_size_um").tolist()),
         notes=(STATEMENTS.note(found),),

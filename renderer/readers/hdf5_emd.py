@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from renderer.readers.hdf5_cf import describe as describe_plain
-from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
+from renderer.readers.hdf5_image import Axis, Candidate, PlainImage
 from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, groups_and_datasets, is_in_file, text
 from renderer.readers.hdf5_values import Values
 from renderer.readers.statements import FormatTable, Statement
@@ -34,14 +34,14 @@ def find_images(file: Group) -> list[Candidate]:
     return found
 
 
-def _describe(group: Group, data: Dataset) -> StoredImage:
+def _describe(group: Group, data: Dataset) -> PlainImage:
     plain = describe_plain(data)
     first = 0 if dataset_at(group, "dim0") is not None else 1
     axes = tuple(_axis(group, f"dim{first + k}", own) for k, own in enumerate(plain.axes))
-    return StoredImage(axes, lambda: data, partial(_values, plain), notes=plain.notes, lengths_note=plain.lengths_note)
+    return PlainImage(axes, data, partial(_values, plain), notes=plain.notes, lengths_note=plain.lengths_note)
 
 
-def _values(plain: StoredImage, dataset: Dataset) -> Values:
+def _values(plain: PlainImage, dataset: Dataset) -> Values:
     values = plain.values(dataset)
     return values._replace(unit=_plain_unit(values.unit))
 

@@ -7,24 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.affines import NO_SPACING, affine, even_steps
+from renderer.readers.hdf5_levels import Pyramid
 from renderer.readers.hdf5_objects import Dataset
 from renderer.readers.hdf5_values import Values, unpacked_line
-from renderer.readers.numpy_arrays import axes_of_array
 from renderer.readers.steps_in_time import TimeSteps, steps_at
 from renderer.readers.units import one_spelling
 from renderer.scene import short_text
-from renderer.volume import Channel, Float64
+from renderer.stores import AxisKind, axis_named
+from renderer.volume import Float64
 
-# The names, in small letters, by which an axis is recognised as time.
-_TIMES = ("t", "time", "times", "step")
-# The names, in small letters, by which an axis is recognised as components.
-_COMPONENTS = ("c", "ch", "channel", "channels", "component", "components", "band", "bands", "member", "rgb")
 # The lengths of units in metres, by the spelling of the unit that is shown.
 _METRES = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "Å": 1e-10}
 
@@ -47,13 +44,9 @@ class Axis(NamedTuple):
     coordinates: Dataset | None = None
 
     @property
-    def letter(self) -> str:
-        """Return the letter that stands for the axis: `t` for time, `c` for components, `s` for space.
-
-        An axis of time has a name of time, or a unit such as `days since 2000`.
-        """
-        name = self.name.lower()
-        return "t" if name in _TIMES or " since " in self.unit else "c" if name in _COMPONENTS else "s"
+    def kind(self) -> AxisKind:
+        """Return whether it is an axis of times or of components, as far as its name and its unit tell."""
+        return axis_named(self.name, self.unit).kind
 
     @property
     def has_lengths(self) -> bool:
@@ -75,27 +68,20 @@ class Axis(NamedTuple):
 
 
 @dataclass(frozen=True)
-class StoredImage:
-    """An image in an HDF5 file, as a convention describes it.
+class PlainImage:
+    """An image in one dataset of an HDF5 file, as a convention describes it.
 
-    axes: the axes from the slowest to the fastest, without padding.
-    dataset: a function that returns the dataset for an index on each of the first `num_outer` axes.
+    axes: the axes from the slowest to the fastest.
     values: a function that returns the meaning of the numbers of a dataset.
-    num_outer: the number of outermost axes, of times or channels, whose items are separate datasets.
     sizes: the sizes of a voxel in µm, from the slowest axis of space, for axes without coordinates.
-    channels: the description of each component, if the file describes components.
-    steps: the steps in time, if they are not the steps of an axis.
     notes: remarks; None stands for no remark.
     lengths_note: the note for an image without sizes whose axes have no coordinates.
     """
 
     axes: tuple[Axis, ...]
-    dataset: Callable[..., Dataset]
+    dataset: Dataset
     values: Callable[[Dataset], Values]
-    num_outer: int = 0
     sizes: tuple[float, ...] = ()
-    channels: tuple[Channel, ...] = ()
-    steps: TimeSteps | None = None
     notes: tuple[str | None, ...] = ()
     lengths_note: str = NO_SPACING
 
@@ -108,42 +94,16 @@ class StoredImage:
 class Candidate(NamedTuple):
     """An image that may be read: its name, its shape, and a function that returns its description.
 
-    is_part: whether it is a coarser level or an item of another image; a part is read only if the scene names it.
+    is_part: whether it is read only if the scene names it.
     """
 
     name: str
     shape: tuple[int, ...]
-    describe: Callable[[], StoredImage]
+    describe: Callable[[], PlainImage | Pyramid]
     is_part: bool = False
 
 
-def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> str:
-    """Return a letter for each axis: `t` for time, `c` for components, `s` for space, `-` for an axis left out.
-
-    Axes of time and components are recognised by their names. If more than three other axes remain, axes of length 1
-    are left out; if there are still more than three, the rule for `.npy` files says which are times and components.
-    With fewer than three axes in space, an axis of times or components becomes one of space.
-    """
-    letters = [axis.letter for axis in own]
-    for k, axis in enumerate(own):
-        if letters.count("s") > 3 and letters[k] == "s" and axis.length == 1:
-            letters[k] = "-"
-    while letters.count("s") < 3 and {"t", "c"} & {*letters}:
-        letters[letters.index("t" if "t" in letters else "c")] = "s"
-    if letters.count("s") > 3:
-        shape = tuple(axis.length for axis, letter in zip(own, letters, strict=True) if letter == "s")
-        others = iter(axes_of_array(shape, None if "t" in letters else time, None if "c" in letters else component))
-        letters = [next(others) if letter == "s" else letter for letter in letters]
-    if letters.count("t") > 1 or letters.count("c") > 1:
-        raise InputError(
-            "the axes of this dataset are not those of a volume",
-            got=", ".join(f"{axis.name or 'no name'} ({axis.length})" for axis in own),
-            expected="three axes in space, at most one of time, and at most one of components",
-        )
-    return "".join(letters)
-
-
-def place_of(image: StoredImage, letters: str, has_spacing_override: bool) -> tuple[Float64, str, list[str]]:
+def place_of(image: PlainImage, letters: str, has_spacing_override: bool) -> tuple[Float64, str, list[str]]:
     """Return the affine of an image, float64 [4, 4], the unit that all lengths share, and notes.
 
     The affine follows from coordinates or, without any, from the sizes of a voxel. The unit is empty if units differ.
@@ -162,7 +122,7 @@ def place_of(image: StoredImage, letters: str, has_spacing_override: bool) -> tu
         if not axis.has_lengths:
             continue
         even = axis.even()
-        if even is None and not has_spacing_override and axis.letter != "t":
+        if even is None and not has_spacing_override and axis.kind != "time":
             raise _uneven(axis, ways[column])
         unit = one_spelling(axis.unit.split("_")[0])  # the first word of a unit such as degrees_north
         first = next(iter(units.values()), unit)
@@ -213,11 +173,3 @@ def _unit_notes(units: dict[str, str], ways: str) -> list[str]:
         notes.append(f"coordinates differ in their units, and are drawn as numbers ({short_text(each)}); "
                      "`spacing: [x, y, z]` gives other lengths")  # fmt: skip
     return notes
-
-
-def axes_by_names(lengths: Sequence[int], names: Sequence[str], **same: Any) -> tuple[Axis, ...]:
-    """Return axes that are named like the axes of the world, `x`, `y` and `z`, along which they lie.
-
-    same: further fields of `Axis`, equal for all axes.
-    """
-    return tuple(Axis(n, name, way=name, **same) for n, name in zip(lengths, names, strict=True))

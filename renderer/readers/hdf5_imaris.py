@@ -5,18 +5,18 @@ Datasets are padded to whole chunks. Attributes are arrays of single characters.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
-from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, open_inside
-from renderer.readers.hdf5_values import plain_values
+from renderer.readers.hdf5_image import Candidate
+from renderer.readers.hdf5_levels import Pyramid, axes_in_space, place_by
+from renderer.readers.hdf5_objects import Group, dataset_at, open_inside
 from renderer.readers.statements import FormatTable, Statement
-from renderer.readers.steps_in_time import TimeSteps, steps_at
 from renderer.scene import short_text
+from renderer.stores import ImagePlan, LevelPlan
 from renderer.system import number_in
 from renderer.volume import Channel
 
@@ -33,8 +33,10 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The largest number of levels of a file, of times of a level, and of channels of a time. Further ones are not found.
+# The largest number of times and of channels. Further ones are not found.
 _MAX_ITEMS = 10_000
+# The largest number of levels. Coarser ones are not found.
+_MAX_LEVELS = 32
 
 # The beginning of the name of a level's group; a number follows.
 _LEVEL = "ResolutionLevel"
@@ -44,47 +46,20 @@ _TIME = "TimePoint"
 _CHANNEL = "Channel"
 
 
-@dataclass(frozen=True)
-class _Level:
-    """A level of resolution: its group, and its numbers of times, of channels, and of voxels along z, y and x."""
-
-    group: Group
-    num_times: int
-    num_channels: int
-    sizes: tuple[int, ...]
-
-    def data(self, time: int, channel: int) -> Dataset:
-        """Return the dataset of a time and a channel; raises InputError if it is missing or too small."""
-        path = f"{_TIME} {time}/{_CHANNEL} {channel}/Data"
-        found = dataset_at(self.group, path)
-        if found is None or found.ndim != 3 or any(n < own for n, own in zip(found.shape, self.sizes, strict=True)):
-            raise InputError(
-                "this Imaris file lacks the voxels of a channel",
-                got=short_text(f"{self.group.name}/{path}"),
-                hint="the file is damaged, or its voxels are in other files, which are not opened",
-            )
-        return found
-
-
 def find_images(file: Group) -> list[Candidate]:
-    """Return the image at its finest level.
-
-    All levels and all single datasets are returned, too, but are read only if the scene names them.
-    """
-    if text_of(file, "ImarisDataSet") == "" or open_inside(file, "DataSet") is None:
+    """Return the image of the file, with its levels."""
+    images = open_inside(file, "DataSet")
+    if text_of(file, "ImarisDataSet") == "" or images is None:
         return []
-    found: list[Candidate] = []
-    for number in range(_count(file["DataSet"], _LEVEL)):
-        level = _level(file["DataSet"], number)
-        name = f"DataSet/{_LEVEL} {number}"
-        shape = (level.num_times, level.num_channels, *level.sizes)
-        found.append(Candidate(name if number else "DataSet", shape, partial(_describe, file, level), number > 0))
-        found += [found[-1]._replace(name=name, is_part=True)] * (number == 0)
-        for time, channel in np.ndindex(level.num_times, level.num_channels):
-            one = partial(_describe, file, level, time, channel)
-            path = f"{name}/{_TIME} {time}/{_CHANNEL} {channel}/Data"
-            found.append(Candidate(path, level.sizes, one, is_part=True))
-    return found
+    num_levels = min(_count(images, _LEVEL), _MAX_LEVELS)
+    first = open_inside(images, f"{_LEVEL} 0")
+    num_times = 0 if first is None else _count(first, _TIME)
+    num_channels = 0 if num_times == 0 else _count(open_inside(first, f"{_TIME} 0"), _CHANNEL)
+    if num_channels == 0:
+        raise InputError("this Imaris file has no voxels", got=f"{num_levels} levels, {num_times} times")
+    sizes = [_sizes(file, number) for number in range(num_levels)]
+    shape = (num_times, num_channels, *sizes[0])
+    return [Candidate("DataSet", shape, partial(_describe, file, sizes, num_times, num_channels))]
 
 
 def text_of(owner: Group | None, name: str) -> str:
@@ -95,17 +70,17 @@ def text_of(owner: Group | None, name: str) -> str:
     return found.tobytes().decode("utf-8", "replace").strip("\0 ")
 
 
-def _level(images: Group, number: int) -> _Level:
-    group = images[f"{_LEVEL} {number}"]
-    first = open_inside(group, f"{_TIME} 0")
-    num_channels = 0 if first is None else _count(first, _CHANNEL)
-    channel = open_inside(group, f"{_TIME} 0/{_CHANNEL} 0")
-    data = dataset_at(group, f"{_TIME} 0/{_CHANNEL} 0/Data")
-    if channel is None or data is None or data.ndim != 3:
-        raise InputError("this Imaris file has no voxels at a level of resolution", got=short_text(group.name))
-    said = [number_in(text_of(channel, f"ImageSize{axis}")) for axis in "ZYX"]
-    sizes = tuple(int(n) if 1 <= n <= own else own for n, own in zip(said, data.shape, strict=True))
-    return _Level(group, _count(group, _TIME), num_channels, sizes)
+def _path(level: int, time: int, channel: int) -> str:
+    return f"DataSet/{_LEVEL} {level}/{_TIME} {time}/{_CHANNEL} {channel}/Data"
+
+
+def _sizes(file: Group, level: int) -> list[int]:
+    """Return the numbers of voxels of a level along z, y and x without padding, or with padding if none are stated."""
+    path = _path(level, 0, 0)
+    owner, data = open_inside(file, path.rpartition("/")[0]), dataset_at(file, path)
+    said = [number_in(text_of(owner, f"ImageSize{axis}")) for axis in "ZYX"]
+    stored = data.shape if data is not None and data.ndim == 3 else (0, 0, 0)
+    return [int(n) if 1 <= n <= own else own for n, own in zip(said, stored, strict=True)]
 
 
 def _count(group: Group, name: str) -> int:
@@ -113,24 +88,17 @@ def _count(group: Group, name: str) -> int:
     return next((k for k in range(_MAX_ITEMS) if open_inside(group, f"{name} {k}") is None), _MAX_ITEMS)
 
 
-def _describe(file: Group, level: _Level, time: int | None = None, channel: int | None = None) -> StoredImage:
-    """Return the description of a level, or of one of its datasets."""
+def _describe(file: Group, sizes: Sequence[Sequence[int]], num_times: int, num_channels: int) -> Pyramid:
     info = open_inside(file, "DataSetInfo/Image")
-    unit = text_of(info, "Unit")
-    space = tuple(
-        Axis(n, name, unit, name, steps=_steps(info, "xyz".index(name), n))
-        for n, name in zip(level.sizes, "zyx", strict=True)
+    places = (place_by([_steps(info, axis, n) for axis, n in zip((2, 1, 0), own, strict=True)]) for own in sizes)
+    plan = ImagePlan(
+        "hdf5",
+        axes_in_space(text_of(info, "Unit")),
+        tuple(LevelPlan(f"{_LEVEL} {number}", place) for number, place in enumerate(places)),
+        tuple(_channel(file, k) for k in range(num_channels)),
+        times=_times(file, num_times),
     )
-    if time is not None and channel is not None:
-        return StoredImage(space, partial(level.data, time, channel), plain_values)
-    return StoredImage(
-        (Axis(level.num_times, "time"), Axis(level.num_channels, "channel"), *space),
-        level.data,
-        plain_values,
-        num_outer=2,
-        channels=tuple(_channel(file, k) for k in range(level.num_channels)),
-        steps=_times(file, level.num_times),
-    )
+    return Pyramid(plan, sizes, num_times, num_channels, _path)
 
 
 def _steps(info: Group | None, axis: int, length: int) -> tuple[float, float] | None:
@@ -139,7 +107,7 @@ def _steps(info: Group | None, axis: int, length: int) -> tuple[float, float] | 
     Returns None if the file does not give the ends.
     """
     first, last = (number_in(text_of(info, f"Ext{end}{axis}")) for end in ("Min", "Max"))
-    size = (last - first) / length
+    size = (last - first) / max(length, 1)
     return (first + size / 2, size) if np.isfinite(size) and size else None
 
 
@@ -159,11 +127,11 @@ def _numbers(text: str) -> list[float]:
     return [number_in(word) for word in text.split()[:4]]
 
 
-def _times(file: Group, count: int) -> TimeSteps:
-    """Return the times of the steps, counted from the first one."""
+def _times(file: Group, count: int) -> tuple[float, ...]:
+    """Return the times of the steps in seconds, counted from the first one; an empty tuple if one is missing."""
     info = open_inside(file, "DataSetInfo/TimeInfo")
     try:
         taken = np.array([np.datetime64(text_of(info, f"TimePoint{k + 1}") or "none", "us") for k in range(count)])
     except (ValueError, OverflowError):
-        return TimeSteps(count)
-    return steps_at(count, ((taken - taken[0]) / np.timedelta64(1, "s")).tolist(), "s")
+        return ()
+    return tuple(((taken - taken[0]) / np.timedelta64(1, "s")).tolist())

@@ -7,7 +7,7 @@ from functools import partial
 
 from renderer.readers.affines import even_steps
 from renderer.readers.hdf5_cf import describe as describe_plain, values_with_labels
-from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
+from renderer.readers.hdf5_image import Axis, Candidate, PlainImage
 from renderer.readers.hdf5_objects import (
     Dataset,
     Group,
@@ -88,7 +88,7 @@ def _signal(group: Group) -> Dataset | None:
     return dict(children).get("data")
 
 
-def _describe(group: Group, signal: Dataset) -> StoredImage:
+def _describe(group: Group, signal: Dataset) -> PlainImage:
     plain = describe_plain(signal)
     names = _axis_names(group, signal)
     axes = tuple(_axis(group, name, k, own) for k, (name, own) in enumerate(zip(names, plain.axes, strict=True)))
@@ -98,7 +98,7 @@ def _describe(group: Group, signal: Dataset) -> StoredImage:
         found |= {field for owner in (group, entry) if _is_for_frames(owner, field, signal)}
     values = partial(_values, group, signal.name.rpartition("/")[2])
     notes = (*plain.notes, STATEMENTS.note(found))
-    return StoredImage(axes, lambda: signal, values, sizes=plain.sizes, notes=notes, lengths_note=plain.lengths_note)
+    return PlainImage(axes, signal, values, sizes=plain.sizes, notes=notes, lengths_note=plain.lengths_note)
 
 
 def _is_for_frames(owner: Group, field: str, signal: Dataset) -> bool:

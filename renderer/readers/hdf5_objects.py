@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.voxel_limits import describe_shape
 from renderer.scene import short_text
-from renderer.volume import Float64
+from renderer.volume import Array, Float64
 
 # An h5py.Group. A file is a group, too.
 Group = Any
@@ -105,6 +105,21 @@ def check_dataset(dataset: Dataset, path: Path) -> None:
             got=f"{num_stored} bytes for {describe_shape(dataset.shape[::-1])} voxels",
             hint="nothing was written to it, or the file is damaged",
         )
+
+
+def decoded(dataset: Dataset, part: Sequence[int | slice]) -> Array:
+    """Return the numbers of a part of a dataset, in native byte order. Raises InputError if they are damaged."""
+    try:
+        found: Array = dataset[tuple(part)]
+    except OSError as error:
+        raise InputError(
+            "the voxels of this dataset cannot be decoded",
+            where=short_text(f"{dataset.file.filename}, {dataset.name}"),
+            got=short_text(" ".join(str(error).split())),
+            hint="the file is damaged, or compressed by a filter that is not installed: `h5repack -f GZIP=4` "
+            "compresses it by another",
+        ) from error
+    return found.astype(found.dtype.newbyteorder("="), copy=False)
 
 
 def numbers(owner: Any, name: str) -> Float64:

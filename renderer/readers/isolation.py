@@ -143,12 +143,13 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     labels = tuple(_label(*each) for each in answer["labels"])
     notes = tuple(answer["notes"])
     image = Image(values, world_from_index, notes, nodata, channels, labels=labels, steps=steps, units=units)
-    if answer["box"] is None:
+    if answer["box"] is not None:
+        image = replace(image, box=tuple((int(begin), int(end)) for begin, end in answer["box"]))
+    if "finest_from_index" not in answer:
         return image
     return replace(
         image,
         levels=tuple(_level(*each) for each in answer["levels"]),
-        box=tuple((int(begin), int(end)) for begin, end in answer["box"]),
         finest_from_index=np.array(answer["finest_from_index"], np.float64).reshape(4, 4),
     )
 
@@ -159,7 +160,7 @@ def _level(shape: Any, chunks: Any, num_bytes: Any, is_read: Any) -> VolumeLevel
     return VolumeLevel((x, y, z), (i, j, k), int(num_bytes), bool(is_read))
 
 
-def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
+def _channel(name: Any, color: Any, window: Any, is_light: Any, is_hidden: Any) -> Channel:
     """Return a channel that the answer of a child describes; an invalid colour or window is left out."""
     shade, ends = (tuple(float(each) for each in numbers or ()) for numbers in (color, window))
     is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
@@ -169,6 +170,7 @@ def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
         (shade[0], shade[1], shade[2]) if is_color else None,
         (ends[0], ends[1]) if is_window else None,
         None if is_light is None else bool(is_light),
+        bool(is_hidden),
     )
 
 

@@ -1,4 +1,4 @@
-"""Read an image of a store (OME-Zarr, Zarr, N5, Neuroglancer), in a child process (`isolation.py`).
+"""Read an image in levels, of a store (OME-Zarr, Zarr, N5, Neuroglancer) or of HDF5, in a child process.
 
 One level, one time step and one component of it is read, and only the chunks of a crop.
 """
@@ -15,16 +15,17 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.affines import NO_SPACING, has_volume
+from renderer.readers.axis_letters import letters_of
 from renderer.readers.components import Chosen, choose
-from renderer.readers.hdf5_image import Axis as NamedAxis, letters_of
 from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.scaled_values import scaled, scaled_type
 from renderer.readers.statements import FormatTable, Statement
-from renderer.readers.steps_in_time import TimeSteps, even_steps_at
+from renderer.readers.steps_in_time import TimeSteps, even_steps_at, steps_at
 from renderer.readers.units import Units, one_spelling, units_of
 from renderer.readers.voxel_limits import check_crop, check_dtype, check_size
 from renderer.scene import short_text
-from renderer.stores import Axis, Level, Store, open_store
+from renderer.stores import Axis, ImagePlan, Level, OpenImage, open_store
 from renderer.volume import Channel, Float64, VolumeLevel
 
 STATEMENTS = FormatTable(
@@ -39,7 +40,7 @@ STATEMENTS = FormatTable(
         Statement("omero.channels.label", "meaning", "the names of channels"),
         Statement("omero.channels.color", "meaning", "the colours of channels"),
         Statement("omero.channels.window", "meaning", "the windows of channels"),
-        Statement("omero.channels.active", "meaning", "channels that are not shown", False),
+        Statement("omero.channels.active", "meaning", "channels that are not shown"),
         Statement("omero.channels.inverted", "meaning", "channels whose colours are inverted", False),
         Statement("image-label.colors", "meaning", "the colours of labels"),
         Statement("image-label.properties", "meaning", "the names of labels"),
@@ -47,8 +48,8 @@ STATEMENTS = FormatTable(
         Statement("dimension_names", "place", "the names of axes"),
         Statement("_FillValue", "validity", "a value without data"),
         Statement("missing_value", "validity", "a value without data"),
-        Statement("scale_factor", "values", "the slope of values", False),
-        Statement("add_offset", "values", "the intercept of values", False),
+        Statement("scale_factor", "values", "the slope of values"),
+        Statement("add_offset", "values", "the intercept of values"),
         Statement("pixelResolution", "place", "the lengths of a voxel"),
         Statement("downsamplingFactors", "place", "the place of each level"),
         Statement("resolution", "place", "the lengths of a voxel"),
@@ -60,6 +61,8 @@ STATEMENTS = FormatTable(
 _RESERVED_BYTES = 1 << 30
 # The number of chunks that are held at a time, encoded or decoded, beside the voxels.
 _NUM_HELD_CHUNKS = 16
+# The slope and the intercept of stored numbers that are values.
+_NO_SCALING = (1.0, 0.0)
 # For each orientation of an axis: the axis of LPS along which it lies, and whether it has the same direction.
 _ORIENTATIONS = {
     "right-to-left": (0, 1.0),
@@ -82,48 +85,60 @@ class _Layout(NamedTuple):
     space: tuple[int | None, ...]
 
 
-def read_store(
-    place: Path | str,
-    time: int | None,
-    component: int | None,
-    *,
-    host: Host,
-    dataset: str | None,
-    level: int | None,
-    crop: Sequence[Sequence[int] | None] | None,
-    most_bytes: float,
-) -> Image:
-    """Read one level, time step and component of the image in a store, or of the named one.
+class Wanted(NamedTuple):
+    """The part of an image that is wanted.
 
-    level: the number of the level, None for the finest one whose voxels take at most `most_bytes`. crop: ranges of
-    voxels of the finest level along x, y, z. Raises InputError for stores that are damaged or hold no such image.
+    time, component: the scene's choice, None without one. dataset: the name of the image, None for the only one. level:
+    the number of the level, None for the finest one whose voxels take at most `most_bytes`. crop: ranges of voxels of
+    the finest level along x, y, z.
+    """
+
+    time: int | None = None
+    component: int | None = None
+    dataset: str | None = None
+    level: int | None = None
+    crop: Sequence[Sequence[int] | None] | None = None
+    most_bytes: float = math.inf
+
+
+def read_store(place: Path | str, *, host: Host, **wanted: Any) -> Image:
+    """Read a part of the image in a store, or of the named one. wanted: the fields of `Wanted`.
+
+    Raises InputError for stores that are damaged or hold no such image.
     """
     host.expect_bytes(_RESERVED_BYTES)
-    store = open_store(str(place), dataset or "")
+    part = Wanted(**wanted)
+    return read_levels(open_store(str(place), part.dataset or ""), part, host)
+
+
+def read_levels(store: OpenImage, wanted: Wanted, host: Host) -> Image:
+    """Read one level, time step and component of an image in levels, and only the chunks of a crop."""
     finest, plan = store.levels[0], store.image.plan
     check_dtype(finest.dtype)
-    layout = _layout(store, time, component)
+    layout = _layout(store, wanted.time, wanted.component)
     names = [each.name for each in plan.channels]
-    chosen = choose(layout.letters, finest.shape, time, component, names if all(names) else ())
+    chosen = choose(layout.letters, finest.shape, wanted.time, wanted.component, names if all(names) else ())
     places = [_place(each, finest, layout, plan.axes) for each in store.levels]
-    boxes = [_box(crop, _shape(finest, layout), each, layout, relative) for each, relative in
+    boxes = [_box(wanted.crop, _shape(finest, layout), each, layout, relative) for each, relative in
              zip(store.levels, (np.linalg.inv(places[0]) @ place for place in places), strict=True)]  # fmt: skip
-    sizes = [each.dtype.itemsize * math.prod(end - begin for begin, end in box)
+    sizes = [_value_type(store, each).itemsize * math.prod(end - begin for begin, end in box)
              for each, box in zip(store.levels, boxes, strict=True)]  # fmt: skip
-    number, level_note = choose_level(sizes, level, most_bytes)
+    number, level_note = choose_level(sizes, wanted.level, wanted.most_bytes)
     values = _read(store, number, boxes[number], layout, chosen, host)
+    slope, intercept = plan.scaling
     units, unit_note = _units(plan.axes, layout)
     turned, axes = _in_body(places[number], plan.axes, layout)
-    dataset_note = f"the image {short_text(store.image.name)} is read" if store.image.name and not dataset else None
+    name = store.image.name
+    dataset_note = f"the image {short_text(name)} is read" if name and not wanted.dataset else None
     no_lengths = NO_SPACING if finest.world_from_index is None else None
     return Image(
         values,
         turned,
         (dataset_note, *plan.notes, level_note, no_lengths, unit_note, *chosen.notes, STATEMENTS.note(plan.unapplied)),
-        tuple((value, value) for value in plan.nodata),
+        tuple((value, value) for value in (slope * stored + intercept for stored in plan.nodata)),
         _channels(plan.channels, chosen),
         plan.labels,
-        _steps(finest, plan.axes, layout, chosen.steps.num_times),
+        _steps(finest, plan, layout, chosen.steps.num_times),
         units_of(units.length_unit, axes),
         levels=tuple(_facts(each, layout, each is store.levels[number]) for each in store.levels),
         box=boxes[number],
@@ -140,7 +155,7 @@ def choose_level(sizes: Sequence[int], wanted: int | None, most_bytes: float) ->
     last = len(sizes) - 1
     if wanted is not None:
         if wanted > last:
-            expected = f"0 to {last}" if last else "0 or no `level` at all: the store has one"
+            expected = f"0 to {last}" if last else "0 or no `level` at all: the image has one"
             raise InputError("there is no such level", got=f"level: {wanted}", expected=expected)
         return wanted, None
     if last == 0:
@@ -153,13 +168,14 @@ def choose_level(sizes: Sequence[int], wanted: int | None, most_bytes: float) ->
 
 
 def _read(
-    store: Store, number: int, box: tuple[tuple[int, int], ...], layout: _Layout, chosen: Chosen, host: Host
+    store: OpenImage, number: int, box: tuple[tuple[int, int], ...], layout: _Layout, chosen: Chosen, host: Host
 ) -> Any:
     """Return the voxels [z, y, x] of a box of a level. box: ranges along x, y, z."""
     level = store.levels[number]
     shape = tuple(end - begin for begin, end in box[::-1])
+    dtype, scaling = _value_type(store, level), store.image.plan.scaling
     try:
-        values = allocate_voxels(host, shape, level.dtype.newbyteorder("="))
+        values = allocate_voxels(host, shape, dtype)
     except InputError as error:
         if "memory" in error.what:
             further = f"`level: {number + 1}`, which is coarser, or " if number + 1 < len(store.levels) else ""
@@ -172,12 +188,20 @@ def _read(
         if axis is not None:
             item[axis] = slice(begin, end)
             order.append(axis)
-    present = values[tuple(0 if axis is None else slice(None) for axis in layout.space)]
+    stored = values if scaling == _NO_SCALING else np.empty(shape, level.dtype.newbyteorder("="))
+    present = stored[tuple(0 if axis is None else slice(None) for axis in layout.space)]
     store.read_box(number, item, np.transpose(present, np.argsort(order)))
+    if scaling != _NO_SCALING:
+        values[...] = scaled(stored, *scaling)
     return values
 
 
-def _layout(store: Store, time: int | None, component: int | None) -> _Layout:
+def _value_type(store: OpenImage, level: Level) -> np.dtype[Any]:
+    """Return the type of the values of a level, which may differ from the type of its stored numbers."""
+    return level.dtype.newbyteorder("=") if store.image.plan.scaling == _NO_SCALING else scaled_type(level.dtype)
+
+
+def _layout(store: OpenImage, time: int | None, component: int | None) -> _Layout:
     """Return the meaning of the axes. Raises InputError for axes that are not those of a volume."""
     plan, shape = store.image.plan, store.levels[0].shape
     axes = plan.axes or (Axis(""),) * len(shape)
@@ -185,8 +209,7 @@ def _layout(store: Store, time: int | None, component: int | None) -> _Layout:
         letters = "".join({"space": "s", "time": "t", "channel": "c"}[axis.kind] for axis in axes)
     else:
         step = -1 if plan.is_reversed else 1
-        own = [NamedAxis(length, axis.name) for axis, length in zip(axes, shape, strict=True)][::step]
-        letters = letters_of(own, time, component)[::step]
+        letters = letters_of(axes[::step], shape[::step], time, component)[::step]
     space = [number for number, letter in enumerate(letters) if letter == "s"]
     counts = [letters.count(letter) for letter in "tc"]
     if not 1 <= len(space) <= 3 or max(counts) > 1:
@@ -288,12 +311,14 @@ def _in_body(place: Float64, axes: Sequence[Axis], layout: _Layout) -> tuple[Flo
     return np.asarray(turn @ place + 0.0, np.float64), "LPS"
 
 
-def _steps(level: Level, axes: Sequence[Axis], layout: _Layout, count: int) -> TimeSteps:
-    """Return the steps in time, whose times follow from the transformations if these give a step or a unit."""
+def _steps(level: Level, plan: ImagePlan, layout: _Layout, count: int) -> TimeSteps:
+    """Return the steps in time, whose times are stated, or follow from transformations that give a step or a unit."""
+    if plan.times:
+        return steps_at(count, plan.times, "s")
     axis, matrix = layout.letters.find("t"), level.world_from_index
-    if axis < 0 or matrix is None or not axes or (matrix[axis, axis] == 1.0 and not axes[axis].unit):
+    if axis < 0 or matrix is None or not plan.axes or (matrix[axis, axis] == 1.0 and not plan.axes[axis].unit):
         return TimeSteps(count)
-    return even_steps_at(count, float(matrix[axis, axis]), axes[axis].unit, float(matrix[axis, -1]))
+    return even_steps_at(count, float(matrix[axis, axis]), plan.axes[axis].unit, float(matrix[axis, -1]))
 
 
 def _channels(stated: Sequence[Channel], chosen: Chosen) -> tuple[Channel, ...]:

@@ -248,7 +248,7 @@ def _load(spec: VolumeSpec, time: int | None) -> Image:
     if isinstance(source, FileSource):
         return _load_listed(spec, source, time) if source.steps else _load_file(spec, source.file, time)
     if isinstance(source, UrlSource):
-        return _load_store(spec, source.url, time)
+        return _load_part(spec, source.url, "store", time)
     select_index("time", time, 1)
     select_index("component", _component(spec), 1)
     if isinstance(source, ArraySource):
@@ -269,6 +269,8 @@ def _load(spec: VolumeSpec, time: int | None) -> Image:
 _MODULES = {"npy": "numpy_arrays", "npz": "numpy_arrays", "vtk": "vtk_image"}
 # The formats that large libraries parse, and that are read in a child process.
 _ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
+# The formats with several images or levels, of which only the voxels of a crop are read.
+_IN_PARTS = ("store", "hdf5")
 
 
 def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> Image:
@@ -289,10 +291,15 @@ def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> Imag
 def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:
     """Return the image in a file or a folder, from the reader of its format."""
     found, form, note = find_volume(require_exists(path))
+    load = _load_part if form in _IN_PARTS else _load_whole
+    image = load(spec, found, form, time)
+    return replace(image, notes=(note, *image.notes))
+
+
+def _load_whole(spec: VolumeSpec, found: Path, form: str, time: int | None) -> Image:
+    """Return a step and a component of an image without levels, which its reader reads whole."""
     reader = f"renderer.readers.{_MODULES.get(form, form)}:read_{form}"  # imported on first use
-    if form == "store":
-        return _load_store(spec, found, time, note)
-    if spec.dataset is not None and form != "hdf5":
+    if spec.dataset is not None:
         raise InputError(
             "there is no such dataset",
             where=str(found),
@@ -300,54 +307,57 @@ def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:
             expected="no `dataset` at all: only HDF5 and netCDF-4 files, and stores, have them",
         )
     if spec.level is not None:
-        got, expected = f"level: {spec.level}", "no `level` at all: only stores have levels"
+        got, expected = f"level: {spec.level}", "no `level` at all: only stores, Imaris and BigDataViewer have levels"
         raise InputError("there is no such level", where=str(found), got=got, expected=expected)
-    component = _component(spec)
-    # Wrong lengths in the file do not matter if the scene gives a spacing.
-    has_spacing = isinstance(spec.source, FileSource) and spec.source.spacing is not None
-    options: dict[str, Any] = {"has_spacing_override": has_spacing}
-    if form == "hdf5":
-        options["dataset"] = spec.dataset
+    component, has_spacing = _component(spec), _has_spacing(spec)
 
     def read() -> Image:
         if form in _ISOLATED:
-            return read_isolated(reader, found, time=time, component=component, **options)
+            return read_isolated(reader, found, time=time, component=component, has_spacing_override=has_spacing)
         with errors_about(found):
             image = import_reader(reader)(found, time, component)
         stays = stays_mapped(image.values.nbytes) and backing_file(image.values) is not None
         return image if stays else replace(image, values=_native_contiguous(image.values))
 
+    choice = (found.resolve(), time, component, has_spacing)
+    return _RECENT_IMAGES.get(ImageRequest(spec.source, choice, _marks_of_volume(found, form)), read)
+
+
+def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None) -> Image:
+    """Return the image in a store or in HDF5: its level, and the voxels of the crop alone. place: a path, or a URL."""
+    free = free_bytes()
+    # A finest level of unknown size is read whole if the system does not say how much memory is free.
+    most_bytes = _SHARE_OF_LEVEL * free if math.isfinite(free) else float(MAX_VOLUME_BYTES)
+    wanted: dict[str, Any] = {
+        "time": time,
+        "component": _component(spec),
+        "dataset": spec.dataset,
+        "level": spec.level,
+        "crop": spec.crop,
+    }
+    if form == "hdf5":
+        wanted["has_spacing_override"] = _has_spacing(spec)
+
+    def read() -> Image:
+        return read_isolated(f"renderer.readers.{form}:read_{form}", place, most_bytes=most_bytes, **wanted)
+
+    marks = () if isinstance(place, str) else _marks_of_volume(place, form)
+    choice = (place if isinstance(place, str) else place.resolve(), *wanted.values())
+    return _RECENT_IMAGES.get(ImageRequest(spec.source, choice, marks), read)
+
+
+def _has_spacing(spec: VolumeSpec) -> bool:
+    """Return whether the scene gives a spacing, so that wrong lengths in the file do not matter."""
+    return isinstance(spec.source, FileSource) and spec.source.spacing is not None
+
+
+def _marks_of_volume(path: Path, form: str) -> tuple[FileMarks, ...]:
+    """Return the marks of all files with a volume, as far as its header can be read."""
     marks = list[FileMarks]()
     with suppress(InputError):  # the reader tells what is wrong with a header
         # A large library may open any file beside the volume: the slices of its series, or the planes of OME-TIFF.
-        marks.extend(_marks(found, with_folder=form in _ISOLATED))
-    choice = (found.resolve(), time, component, has_spacing, spec.dataset)
-    image = _RECENT_IMAGES.get(ImageRequest(spec.source, choice, tuple(marks)), read)
-    return replace(image, notes=(note, *image.notes))
-
-
-def _load_store(spec: VolumeSpec, place: Path | str, time: int | None, note: str | None = None) -> Image:
-    """Return the image in a store: its level, and the voxels of the crop alone. place: a path, or a URL."""
-    component, free = _component(spec), free_bytes()
-    # A finest level of unknown size is read whole if the system does not say how much memory is free.
-    most_bytes = _SHARE_OF_LEVEL * free if math.isfinite(free) else float(MAX_VOLUME_BYTES)
-    options: dict[str, Any] = {"dataset": spec.dataset, "level": spec.level, "crop": spec.crop}
-
-    def read() -> Image:
-        return read_isolated(
-            "renderer.readers.store:read_store",
-            place,
-            time=time,
-            component=component,
-            most_bytes=most_bytes,
-            **options,
-        )
-
-    marks = () if isinstance(place, str) else (marks_of(place),)
-    resolved = place if isinstance(place, str) else place.resolve()
-    choice = (resolved, time, component, *options.values())
-    image = _RECENT_IMAGES.get(ImageRequest(spec.source, choice, marks), read)
-    return replace(image, notes=(note, *image.notes))
+        marks.extend(_marks(path, with_folder=form in _ISOLATED))
+    return tuple(marks)
 
 
 def _component(spec: VolumeSpec) -> int | None:

@@ -170,7 +170,7 @@ from .transfer_section import (
     TransferSpec as TransferSpec,
     map_values as map_values,
 )
-from .urls import is_url as is_url
+from .urls import is_url as is_url, path_or_url as path_or_url
 from .volume_files import (
     SOURCE_FIELD as SOURCE_FIELD,
     VOLUME_SUFFIXES as VOLUME_SUFFIXES,

@@ -18,10 +18,12 @@ _UP = re.compile(f"(?:{re.escape(_ONE_UP)})+")
 
 
 def relative_path(file: str | os.PathLike[str], folder: str | os.PathLike[str]) -> str:
-    """Return the path of a file relative to a folder, after all links to folders are resolved.
+    """Return the path of a file relative to a folder, after all links to folders are resolved; a URL stays.
 
     If the file itself is a link, the path is that of the link.
     """
+    if is_url(file):
+        return str(file)
     parent, name = os.path.split(os.fspath(file))
     is_place = name in ("", os.curdir, os.pardir)
     real = os.path.realpath(file) if is_place else os.path.join(os.path.realpath(parent), name)
@@ -29,10 +31,12 @@ def relative_path(file: str | os.PathLike[str], folder: str | os.PathLike[str]) 
 
 
 def found_path(name: str, folder: str | os.PathLike[str]) -> str:
-    """Return the path of a file from its name relative to a folder.
+    """Return the path of a file from its name relative to a folder; a URL stays.
 
     Each `..` at the beginning of the name leads to the parent of the folder to which all links have been followed.
     """
+    if is_url(name):
+        return name
     if (up := _UP.match(name)) is None:
         return os.path.join(folder, name)
     above = Path(os.path.realpath(folder)).parents

@@ -239,8 +239,8 @@ class VolumeSpec:
     crop: half-open ranges of voxels (first, one past the last) along x, y, z; None for all voxels along an axis.
     interpolate: whether two steps are mixed at a `time` between them; `time` is then a float, and else an int.
     unit: the unit of world lengths, in place of the file's unit.
-    level: the number of a level of a store, 0 for the finest; None for one that fits into memory. A crop is in voxels
-        of the finest level, and so is the spacing of the source.
+    level: the number of a level of a store or of a file with levels, 0 for the finest; None for one that fits into
+        memory. A crop is in voxels of the finest level, and so is the spacing of the source.
     """
 
     source: FileSource | UrlSource | RawSource | ProceduralSource | ArraySource

@@ -7,11 +7,12 @@ Metadata are parsed here. The library tensorstore reads and decodes chunks. Noth
 - `store.py`: an open store with its levels, and the voxels of a box
 - `store_files.py`: the metadata files of a store, with limits of their sizes, and where its arrays are
 - `library.py`: tensorstore, with limits of its memory and its threads, and errors for its failures
-- `levels.py`: the records that describe an image: axes, levels, and the image
+- `levels.py`: the records that describe an image (axes, levels), and the interface of an open one, by which files of
+  other rooms with levels are read, too
 - `ome.py`: OME-NGFF (OME-Zarr) 0.1 to 0.6
 - `transformations.py`: the coordinate transformations of OME-NGFF as matrices
 - `plain_zarr.py`: arrays and groups of Zarr 2 and 3 without OME
-- `n5.py`: N5, with the levels of N5 Viewer, Paintera and BigDataViewer
+- `n5.py`: N5, with the levels of N5 Viewer and Paintera
 - `precomputed.py`: volumes of Neuroglancer (precomputed)
 - `fields.py`: values of JSON, which may have any type
 """

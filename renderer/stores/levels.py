@@ -1,13 +1,21 @@
-"""Define the records that describe an image in a store: its axes, its levels of resolution, and the image itself."""
+"""Define an image in levels of resolution: the records that describe it, and the interface of an open one."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from renderer.volume import Channel, Float64, Label
+from renderer.volume import Array, Channel, Float64, Label
+
+# The index of an item along each axis of an array, or the range of items as a slice with both ends.
+Box = Sequence[int | slice]
+
+# The number of decoded bytes that are read at a time, if a row of chunks is not larger.
+_SLAB_BYTES = 64 << 20
 
 # The kind of an axis; an empty text stands for an unknown kind.
 AxisKind = Literal["space", "time", "channel", ""]
@@ -16,6 +24,7 @@ _KINDS: dict[str, AxisKind] = {
     **dict.fromkeys(("x", "y", "z"), "space"),
     **dict.fromkeys(("t", "time", "times", "step"), "time"),
     **dict.fromkeys(("c", "ch", "channel", "channels", "component", "components"), "channel"),
+    **dict.fromkeys(("band", "bands", "member", "rgb"), "channel"),
 }
 
 
@@ -33,8 +42,8 @@ class Axis(NamedTuple):
 
 
 def axis_named(name: str, unit: str = "") -> Axis:
-    """Return an axis whose kind follows from its name."""
-    return Axis(name, _KINDS.get(name.lower(), ""), unit)
+    """Return an axis whose kind follows from its name, or from a unit of time such as `days since 2000`."""
+    return Axis(name, "time" if " since " in unit else _KINDS.get(name.lower(), ""), unit)
 
 
 class LevelPlan(NamedTuple):
@@ -54,10 +63,12 @@ class LevelPlan(NamedTuple):
 class ImagePlan:
     """An image as metadata describe it, before its arrays are opened.
 
-    driver: the name of the format in tensorstore. axes: the axes in the order of the array; empty if the metadata do
-    not state them. levels: from the finest to the coarsest. nodata: values that mark absent voxels. unapplied: the
-    fields of the metadata that change how voxels are understood and that are not applied. is_reversed: whether the
-    first axis of the arrays varies fastest.
+    driver: the name of the format in tensorstore, or `hdf5`. axes: the axes in the order of the array; empty if the
+    metadata do not state them. levels: from the finest to the coarsest. times: the time of each step in seconds; empty
+    if they follow from the place of a level. nodata: stored numbers that mark absent voxels. scaling: the slope and the
+    intercept that turn stored numbers into values. unapplied: the fields of the
+    metadata that change how voxels are understood and that are not applied. is_reversed: whether the first axis of the
+    arrays varies fastest.
     """
 
     driver: str
@@ -65,7 +76,9 @@ class ImagePlan:
     levels: tuple[LevelPlan, ...]
     channels: tuple[Channel, ...] = ()
     labels: tuple[Label, ...] = ()
+    times: tuple[float, ...] = ()
     nodata: tuple[float, ...] = ()
+    scaling: tuple[float, float] = (1.0, 0.0)
     notes: tuple[str, ...] = ()
     unapplied: tuple[str, ...] = ()
     is_reversed: bool = False
@@ -96,3 +109,45 @@ class StoredImage:
     plan: ImagePlan
     levels: tuple[Level, ...]
     name: str = ""
+
+
+class OpenImage(ABC):
+    """An open image, whose voxels can be read. levels: the levels of the image, from the finest to the coarsest."""
+
+    image: StoredImage
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """Return the levels of the image, from the finest to the coarsest."""
+        return self.image.levels
+
+    @abstractmethod
+    def read_box(self, level: int, box: Box, out: Array) -> None:
+        """Read the voxels of a box of a level into an array, whose axes are those of the array with a range in the box.
+
+        out: any strides. Missing chunks have the fill value. Raises InputError for chunks that are damaged or cannot be
+            read.
+        """
+
+
+def slabs_of(box: Box, chunks: Sequence[int], out: Array) -> Iterator[tuple[tuple[int | slice, ...], Array]]:
+    """Yield parts of a box along its first axis that has several chunks, with their parts of the output array.
+
+    A part ends at the border of a chunk, so that no chunk is decoded for two parts.
+    """
+    ranges = [axis for axis, item in enumerate(box) if isinstance(item, slice)]
+    spans = [axis for axis in ranges if box[axis].stop - box[axis].start > chunks[axis]]  # type: ignore[union-attr]
+    if not spans:
+        yield tuple(box), out
+        return
+    axis, place = spans[0], ranges.index(spans[0])
+    begin, end = box[axis].start, box[axis].stop  # type: ignore[union-attr]
+    row = max(1, out.nbytes // (end - begin)) * chunks[axis]
+    depth = chunks[axis] * max(1, _SLAB_BYTES // row)
+    first = begin
+    while first < end:
+        last = min(end, (first // chunks[axis]) * chunks[axis] + depth)
+        part = (*box[:axis], slice(first, last), *box[axis + 1 :])
+        target = (*((slice(None),) * place), slice(first - begin, last - begin))
+        yield part, out[target]
+        first = last

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,17 +25,30 @@ _NUM_FILES = 8
 _NUM_REQUESTS = 16
 # The number of times that a failed request is sent again, and the first and the longest wait between two.
 _RETRIES = {"max_retries": 5, "initial_delay": "250ms", "max_delay": "4s"}
-# The seconds that a request for metadata may take, with its retries.
-METADATA_SECONDS = 60.0
+# A server that sends fewer bytes in a second than this, over this many seconds, has stalled: the request is sent again.
+# A slow line of 64 KiB/s gives each of 16 requests 4 KiB/s.
+_STALL_SETTINGS = {
+    "TENSORSTORE_CURL_CONNECT_TIMEOUT_SECONDS": "20",
+    "TENSORSTORE_CURL_LOW_SPEED_TIME_SECONDS": "20",
+    "TENSORSTORE_CURL_LOW_SPEED_LIMIT_BYTES": "1024",
+}
+# The seconds that a request may take in any case, with its retries: six times 20 s, and the waits between them.
+REQUEST_SECONDS = 150.0
+
+# The environment variables with the address of a server in place of Amazon's, in the order in which AWS takes them.
+_ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL")
+# The environment variables with the region of a bucket. A server in place of Amazon's needs one, which may be any.
+_REGIONS = ("AWS_REGION", "AWS_DEFAULT_REGION")
+_ANY_REGION = "us-east-1"
 
 # The name of an error of tensorstore at the beginning of its message.
 _CODE = re.compile(r"([A-Z_]{4,30}): ")
+# The names of errors of tensorstore for requests that a server refuses.
+_REFUSALS = ("PERMISSION_DENIED", "UNAUTHENTICATED")
 # The hints for errors of tensorstore, by their names.
 _REFUSED = "the server refuses access: check the credentials (`AWS_...`, `GOOGLE_APPLICATION_CREDENTIALS`) or the URL"
-_BROKEN_LINE = "the server or the network failed, also after retries: run the same command again"
+_BROKEN_LINE = "the server or the network failed, also after retries: run the command again, and a film goes on"
 _HINTS = {
-    "PERMISSION_DENIED": _REFUSED,
-    "UNAUTHENTICATED": _REFUSED,
     "ABORTED": _BROKEN_LINE,
     "UNAVAILABLE": _BROKEN_LINE,
     "DEADLINE_EXCEEDED": _BROKEN_LINE,
@@ -44,9 +58,19 @@ _HINTS = {
 }
 
 
+class RefusedError(InputError):
+    """An error of access that a server refuses. S3 refuses missing files, too, where listing a bucket is refused."""
+
+
 def import_library() -> Any:
-    """Return the module of tensorstore; raises InputError if it is not installed."""
+    """Return the module of tensorstore; raises InputError if it is not installed.
+
+    Tensorstore takes its limits for servers that stall from the environment alone, once: this sets those of them that
+    the user has not set, in the child process that reads a store.
+    """
     require_package("tensorstore", extra="zarr")
+    for name, value in _STALL_SETTINGS.items():
+        os.environ.setdefault(name, value)  # noqa: TID251  it is written here, and read by the library
     import tensorstore
 
     return tensorstore
@@ -70,6 +94,18 @@ def make_context() -> tensorstore.Context:
     return context
 
 
+def s3_server() -> dict[str, str]:
+    """Return the members of tensorstore's specification that name a server in place of Amazon's; none without one.
+
+    Tensorstore takes credentials from the environment by itself, but not the address of a server.
+    """
+    endpoint, region = (
+        next(filter(None, (os.environ.get(name) for name in names)), "")  # noqa: TID251  as its credentials are
+        for names in (_ENDPOINTS, _REGIONS)
+    )
+    return {"endpoint": endpoint, "aws_region": region or _ANY_REGION} if endpoint else {}
+
+
 @contextmanager
 def errors_of_library(what: str, where: str) -> Iterator[None]:
     """Turn errors of tensorstore in the `with` block into InputError. what: the sentence that states the failure."""
@@ -79,15 +115,17 @@ def errors_of_library(what: str, where: str) -> Iterator[None]:
         raise InputError(what, where=where, got="no answer in time", hint=_BROKEN_LINE) from error
     except (ValueError, KeyError, OSError, TypeError) as error:
         text = " ".join(str(error).split()).partition(" [")[0]
-        code = _CODE.match(text)
-        hint = _HINTS.get(code[1] if code else "")
-        got = text[code.end() :] if code else text
-        raise InputError(what, where=where, got=short_text(got, 400), hint=hint) from error
+        found = _CODE.match(text)
+        code = found[1] if found else ""
+        got = short_text(text[found.end() :] if found else text, 400)
+        if code in _REFUSALS:
+            raise RefusedError(what, where=where, got=got, hint=_REFUSED) from error
+        raise InputError(what, where=where, got=got, hint=_HINTS.get(code)) from error
 
 
 def open_array(driver: str, kvstore: Mapping[str, Any], options: Mapping[str, Any], context: Any) -> Any:
     """Return an open array that can only be read, with the index 0 as the first one along each axis."""
     library = import_library()
     spec = {"driver": driver, "kvstore": dict(kvstore), **options}
-    opened = library.open(spec, context=context, read=True, open=True).result(METADATA_SECONDS)
+    opened = library.open(spec, context=context, read=True, open=True).result(REQUEST_SECONDS)
     return opened[library.d[:].translate_to[0]]

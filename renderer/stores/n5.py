@@ -1,4 +1,4 @@
-"""Read the metadata of N5: one array, or an image with levels as N5 Viewer, Paintera and BigDataViewer write it."""
+"""Read the metadata of N5: one array, or an image with levels as N5 Viewer and Paintera write it."""
 
 from __future__ import annotations
 

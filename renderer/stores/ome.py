@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.scene import short_text
+from renderer.scene import join_some, short_text
 from renderer.stores.fields import list_of, mapping_of, mappings_of, number_of, text_of
 from renderer.stores.levels import Axis, AxisKind, ImagePlan, LevelPlan, axis_named
 from renderer.stores.transformations import matrix_of_all
@@ -76,6 +76,9 @@ def plan_of(attributes: Mapping[str, Any], driver: str) -> ImagePlan:
     notes = [f"{len(every)} images in one group; the first is read"] * (len(every) > 1)
     notes += [f"placed in its coordinate system {short_text(system)}"] * bool(system)
     channels, more = _channels(mapping_of(ome.get("omero")))
+    hidden = [each.name or f"number {number}" for number, each in enumerate(channels) if each.is_hidden]
+    if 0 < len(hidden) < len(channels):
+        notes.append(f"hidden by the file, and not part of `component: all`: {join_some(hidden)}")
     return ImagePlan(
         driver,
         axes,
@@ -152,10 +155,10 @@ def _channels(omero: Mapping[str, Any]) -> tuple[tuple[Channel, ...], list[str]]
         window = mapping_of(each.get("window"))
         low, high = number_of(window.get("start")), number_of(window.get("end"))
         name = " ".join(text_of(each.get("label")).split())[:_MAX_NAME]
-        found.append(Channel(short_text(name), _color(each.get("color")), (low, high) if low < high else None))
+        own = (low, high) if low < high else None
+        is_hidden = each.get("active", True) is False
+        found.append(Channel(short_text(name), _color(each.get("color")), own, is_hidden=is_hidden))
         unapplied += ["omero.channels.inverted"] * (each.get("inverted") is True)
-    are_active = {each.get("active", True) is not False for each in every}
-    unapplied += ["omero.channels.active"] * (are_active == {True, False})
     return tuple(found), list(dict.fromkeys(unapplied))
 
 

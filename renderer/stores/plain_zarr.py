@@ -10,7 +10,7 @@ from renderer.stores.fields import list_of, mapping_of, number_of, text_of
 from renderer.stores.levels import ImagePlan, LevelPlan, axis_named
 from renderer.stores.store_files import StoreFiles
 
-# The attributes of an array by which CF changes values, and which are not applied, with their neutral values.
+# The attributes of an array by which CF turns stored numbers into values: slope and intercept, with neutral values.
 _SCALING = (("scale_factor", 1.0), ("add_offset", 0.0))
 # The attributes of an array that name values of voxels without data.
 _NODATA = ("_FillValue", "missing_value")
@@ -68,10 +68,12 @@ def plan_of_array(path: str, node: Node, *, is_only: bool) -> ImagePlan:
     """Return the plan of an array as an image of one level. is_only: whether its group has no other array."""
     names = [text_of(name) for name in _dimension_names(node)]
     nodata = [number for key in _NODATA if math.isfinite(number := number_of(node.attributes.get(key)))]
-    unapplied = tuple(key for key, neutral in _SCALING if node.attributes.get(key, neutral) != neutral)
+    stated = [(number_of(node.attributes.get(key)), neutral) for key, neutral in _SCALING]
+    slope, intercept = (neutral if math.isnan(number) else number for number, neutral in stated)
     note = () if is_only else (f"the largest array, {path}, is read; `dataset: NAME` reads another",)
     axes = tuple(axis_named(name) for name in names) if len(names) == len(node.shape or ()) else ()
-    return ImagePlan(node.driver, axes, (LevelPlan(path),), nodata=tuple(nodata), notes=note, unapplied=unapplied)
+    level = LevelPlan(path)
+    return ImagePlan(node.driver, axes, (level,), nodata=tuple(nodata), scaling=(slope, intercept), notes=note)
 
 
 def _dimension_names(node: Node) -> list[Any]:

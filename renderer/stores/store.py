@@ -12,44 +12,31 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.scene import did_you_mean, join_some, short_text
 from renderer.stores import n5, ome, precomputed
-from renderer.stores.levels import ImagePlan, Level, LevelPlan, StoredImage
-from renderer.stores.library import errors_of_library, import_library, open_array
+from renderer.stores.levels import Box, ImagePlan, Level, LevelPlan, OpenImage, StoredImage, slabs_of
+from renderer.stores.library import REQUEST_SECONDS, errors_of_library, import_library, open_array
 from renderer.stores.plain_zarr import Node, arrays_in, largest_array, node_at, plan_of_array
 from renderer.stores.store_files import StoreFiles, require_inside
 from renderer.volume import Array
 
-# The number of decoded bytes that are requested at a time, if a row of chunks is not larger.
-_SLAB_BYTES = 64 << 20
 # The fewest bytes in a second that a store has to give; with fewer, it counts as stalled.
 _MIN_BYTES_PER_SECOND = 64 << 10
-# The seconds that a slab may take, whatever its size.
-_SLAB_SECONDS = 120.0
 # The largest size of a decoded chunk in bytes. A chunk is decoded as a whole, whatever the box.
 _MAX_CHUNK_BYTES = 4 << 30
 
 
-class Store:
-    """An open store. levels: the levels of its image, from the finest to the coarsest."""
+class Store(OpenImage):
+    """An open store."""
 
     def __init__(self, files: StoreFiles, image: StoredImage, arrays: Sequence[Any]) -> None:
         self._files, self._arrays = files, arrays
         self.image = image
 
-    @property
-    def levels(self) -> tuple[Level, ...]:
-        """Return the levels of the image, from the finest to the coarsest."""
-        return self.image.levels
-
-    def read_box(self, level: int, box: Sequence[int | slice], out: Array) -> None:
-        """Read the voxels of a box of a level into an array, whose axes are those of the array with a range in the box.
-
-        box: an index, or a slice with both ends, for each axis of the level's array. out: any strides. Missing chunks
-            have the fill value. Raises InputError for chunks that are damaged or cannot be read.
-        """
+    def read_box(self, level: int, box: Box, out: Array) -> None:
+        """Read the voxels of a box of a level into an array (see OpenImage)."""
         library = import_library()
         chunks, source = self.levels[level].chunks, self._arrays[level]
-        for part, target in _slabs(box, chunks, out):
-            seconds = _SLAB_SECONDS + target.nbytes / _MIN_BYTES_PER_SECOND
+        for part, target in slabs_of(box, chunks, out):
+            seconds = REQUEST_SECONDS + target.nbytes / _MIN_BYTES_PER_SECOND
             with errors_of_library("the voxels of this store cannot be read", self._files.place):
                 library.array(target, context=self._files.context).write(source[part]).result(seconds)
 
@@ -62,7 +49,10 @@ def open_store(place: str, name: str = "") -> Store:
     """
     require_inside(name)
     files = StoreFiles(place)
-    name, plan = _find(files, name.strip("/"))
+    try:
+        name, plan = _find(files, name.strip("/"))
+    except InputError as error:
+        raise files.refusal or error from None
     opened = [_open_level(files, plan, level) for level in plan.levels]
     return Store(files, StoredImage(plan, tuple(level for level, _ in opened), name), [array for _, array in opened])
 
@@ -168,28 +158,3 @@ def _open_level(files: StoreFiles, plan: ImagePlan, level: LevelPlan) -> tuple[L
         got = f"{' x '.join(map(str, chunks))} voxels, {num_bytes / 2**30:.1f} GiB"
         raise InputError("the chunks of this array are too large", where=where, got=got, expected=expected)
     return Level(level.path, shape, chunks, dtype, level.world_from_index), array
-
-
-def _slabs(
-    box: Sequence[int | slice], chunks: Sequence[int], out: Array
-) -> Iterator[tuple[tuple[int | slice, ...], Array]]:
-    """Yield parts of a box along its first axis that has several chunks, with their parts of the output array.
-
-    A part ends at the border of a chunk, so that no chunk is decoded for two parts.
-    """
-    ranges = [axis for axis, item in enumerate(box) if isinstance(item, slice)]
-    spans = [axis for axis in ranges if box[axis].stop - box[axis].start > chunks[axis]]  # type: ignore[union-attr]
-    if not spans:
-        yield tuple(box), out
-        return
-    axis, place = spans[0], ranges.index(spans[0])
-    begin, end = box[axis].start, box[axis].stop  # type: ignore[union-attr]
-    row = max(1, out.nbytes // (end - begin)) * chunks[axis]
-    depth = chunks[axis] * max(1, _SLAB_BYTES // row)
-    first = begin
-    while first < end:
-        last = min(end, (first // chunks[axis]) * chunks[axis] + depth)
-        part = (*box[:axis], slice(first, last), *box[axis + 1 :])
-        target = (*((slice(None),) * place), slice(first - begin, last - begin))
-        yield part, out[target]
-        first = last

@@ -17,7 +17,14 @@ from urllib.parse import urlsplit
 
 from renderer.errors import InputError
 from renderer.scene import is_url, short_text
-from renderer.stores.library import METADATA_SECONDS, errors_of_library, import_library, make_context
+from renderer.stores.library import (
+    REQUEST_SECONDS,
+    RefusedError,
+    errors_of_library,
+    import_library,
+    make_context,
+    s3_server,
+)
 
 # The largest size of a metadata file in bytes. The metadata of a store of 10,000 images, in one file, have some 10 MB.
 _MAX_JSON_BYTES = 32 << 20
@@ -60,10 +67,14 @@ def is_zipped_store(file: Path) -> bool:
 
 
 class StoreFiles:
-    """The files of a store. place: the path of a folder or of a ZIP archive, or a URL."""
+    """The files of a store. place: the path of a folder or of a ZIP archive, or a URL.
+
+    refusal: the error of the last file that the server refused; such a file counts as missing.
+    """
 
     def __init__(self, place: str) -> None:
         self.place = place
+        self.refusal: RefusedError | None = None
         self._folder = None if is_url(place) or os.path.isfile(place) else Path(place)
         self._base = _kvstore(place)
 
@@ -89,10 +100,14 @@ class StoreFiles:
         return None if content is None else _parsed(content, f"{self.place}/{path}/{name}".replace("//", "/"))
 
     def _read(self, path: str, name: str) -> bytes | None:
-        """Return the content of a file of an archive or at a URL."""
-        with errors_of_library("the metadata of this store cannot be read", self.place):
-            store = import_library().KvStore.open(self.kvstore(path), context=self.context).result(METADATA_SECONDS)
-            found = store.read(name).result(METADATA_SECONDS)
+        """Return the content of a file of an archive or at a URL; None if it is missing or refused."""
+        try:
+            with errors_of_library("the metadata of this store cannot be read", self.place):
+                store = import_library().KvStore.open(self.kvstore(path), context=self.context).result(REQUEST_SECONDS)
+                found = store.read(name).result(REQUEST_SECONDS)
+        except RefusedError as error:
+            self.refusal = error
+            return None
         return None if found.state == "missing" else bytes(found.value)
 
     def folders_of_arrays(self) -> Iterator[str]:
@@ -132,8 +147,10 @@ def _kvstore(place: str) -> dict[str, Any]:
     if parts.scheme in ("http", "https"):
         query = f"?{parts.query}" if parts.query else ""
         base = {"driver": "http", "base_url": f"{parts.scheme}://{parts.netloc}{query}", "path": f"/{path}"}
+    elif parts.scheme == "gs":
+        base = {"driver": "gcs", "bucket": parts.netloc, "path": path}
     else:
-        base = {"driver": "gcs" if parts.scheme == "gs" else "s3", "bucket": parts.netloc, "path": path}
+        base = {"driver": "s3", "bucket": parts.netloc, "path": path, **s3_server()}
     if path.lower().endswith(ZIP_SUFFIXES):
         return {"driver": "zip", "base": base, "path": ""}
     return {**base, "path": f"{base['path'].rstrip('/')}/" if path or parts.scheme in ("http", "https") else ""}

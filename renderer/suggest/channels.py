@@ -46,7 +46,9 @@ _MOST_WEIGHT = 50.0
 
 
 def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[LayerSpec]:
-    """Return a layer for each channel of a volume. A given transfer function applies to all of them.
+    """Return a layer for each channel of a volume, without those that the file hides, if it shows any.
+
+    A given transfer function applies to all of them.
 
     layer: a layer of a film, whose values may move. first: the voxels of the first channel, or of a volume without
     channels. read: reads the voxels of another channel.
@@ -55,7 +57,10 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
     if len(channels) > _MAX_CHANNELS:
         what, expected = "this volume has too many components to show all", f"at most {_MAX_CHANNELS}"
         raise InputError(what, where=first.name, got="component: all", expected=expected)
+    are_all_hidden = all(channel.is_hidden for channel in channels)
     for number, channel in enumerate(channels):
+        if channel.is_hidden and not are_all_hidden:
+            continue
         spec = replace(layer.volume, component=number)
         name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
         own = replace(layer, volume=spec, name=name)

@@ -21,7 +21,7 @@ class FilmOptions:
     size: the width and height of pictures, in pixels. fps: frames per second.
     background: a colour, or `transparent`.
     colormap, preset: the colormap and the preset that the user asks for, as in `Wish`; None to choose by the volume.
-    over: the file of a second volume, over which the first one is drawn; None without one.
+    over: the file or the URL of a second volume, over which the first one is drawn; None without one.
     """
 
     frames: int = 120
@@ -33,7 +33,7 @@ class FilmOptions:
     background: str = "#000000"
     colormap: str | None = None
     preset: str | None = None
-    over: Path | None = None
+    over: Path | str | None = None
 
     @property
     def under(self) -> VolumeSpec | None:

@@ -13,9 +13,11 @@ class Channel:
         black and as full colour.
     is_light: whether the component is light of its own, such as a fluorescence, and not a part of a colour or of a
         vector; None only before a Volume is made.
+    is_hidden: whether the file says that the component is not shown unless somebody asks for it.
     """
 
     name: str = ""
     color: tuple[float, float, float] | None = None
     window: tuple[float, float] | None = None
     is_light: bool | None = None
+    is_hidden: bool = False

@@ -202,7 +202,7 @@ _BDV = {
     "resolutions": Sample(
         _bdv(_SETUP.format(0, "", _VOXELS, ""), num_levels=2),
         _changed(_bdv(_SETUP.format(0, "", _VOXELS, ""), num_levels=2), _change_levels),
-        {"dataset": "s00/1"},
+        {"level": 1},
     ),
     "size": Sample(_file(write_bdv, padding=2), _bdv(_PLAIN, padding=2)),
     "voxelSize": Sample(_bdv(_PLAIN), _bdv(_SETUP.format(0, "", _VOXELS, ""))),

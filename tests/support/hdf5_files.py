@@ -87,15 +87,19 @@ def write_imaris(
     padding: int = 0,
     num_levels: int = 1,
     info: Mapping[str, Mapping[str, object]] | None = None,
+    **options: Any,
 ) -> Path:
-    """Write an Imaris file. values: the channels, [z, y, x] each. info: attributes of the groups in DataSetInfo."""
+    """Write an Imaris file. values: the channels, [z, y, x] each. info: attributes of the groups in DataSetInfo.
+
+    options: of each dataset, such as its chunks.
+    """
     with h5py.File(path, "w") as file:
         file.attrs["ImarisDataSet"] = characters("ImarisDataSet")
         for level in range(num_levels):
             for channel, own in enumerate(values):
                 part = own[:: 2**level, :: 2**level, :: 2**level]
                 group = file.create_group(f"DataSet/ResolutionLevel {level}/TimePoint 0/Channel {channel}")
-                group["Data"] = np.pad(part, [(0, padding)] * 3)
+                group.create_dataset("Data", data=np.pad(part, [(0, padding)] * 3), **options)
                 for axis, n in zip("ZYX", part.shape, strict=True):
                     group.attrs[f"ImageSize{axis}"] = characters(str(n))
         for name, attributes in (info or {}).items():
@@ -113,10 +117,11 @@ def write_bdv(
     num_times: int = 1,
     padding: int = 0,
     xml: str = "",
+    **options: Any,
 ) -> Path:
     """Write a BigDataViewer file of setups, [z, y, x] each, whose values grow by 1 with each time.
 
-    xml: the content of the XML file beside it; empty for no such file.
+    xml: the content of the XML file beside it; empty for no such file. options: of each dataset, such as its chunks.
     """
     with h5py.File(path, "w") as file:
         for setup, values in enumerate(setups):
@@ -125,7 +130,20 @@ def write_bdv(
             for time in range(num_times):
                 for level in range(num_levels):
                     part = (values + time)[:: 2**level, :: 2**level, :: 2**level].astype(np.uint16).view(np.int16)
-                    file[f"t{time:05}/s{setup:02}/{level}/cells"] = np.pad(part, [(0, padding)] * 3)
+                    name = f"t{time:05}/s{setup:02}/{level}/cells"
+                    file.create_dataset(name, data=np.pad(part, [(0, padding)] * 3), **options)
     if xml:
         path.with_suffix(".xml").write_text(f'<SpimData version="0.2">{xml}</SpimData>', "utf-8")
     return path
+
+
+def spoil_chunks(path: Path, dataset: str, but: tuple[int, ...]) -> None:
+    """Overwrite all chunks of a dataset except for the one with an offset."""
+    with h5py.File(path, "r") as file:
+        own = file[dataset].id
+        chunks = [own.get_chunk_info(k) for k in range(own.get_num_chunks())]
+    with path.open("r+b") as file:
+        for each in chunks:
+            if each.chunk_offset != but:
+                file.seek(each.byte_offset)
+                file.write(b"\xff" * each.size)

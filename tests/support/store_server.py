@@ -1,26 +1,40 @@
-"""Serve a folder over HTTP on this machine, with faults in it."""
+"""Serve a folder over HTTP on this machine, with faults in it; its folders are buckets of S3 and of Google, too.
+
+A request of S3 for a key of a bucket is one for a file. The server of moto answers for all of AWS, and
+needs 47 packages.
+"""
 
 from __future__ import annotations
 
 import functools
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+# The path of a request of Google for an object, with the bucket and the key.
+_GOOGLE = re.compile("/storage/v1/b/([^/]*)/o/([^/]*)")
+# The fault of a server that takes a request and never answers.
+STALL = 0
+
 
 class ServedFolder:
     """A folder that a server serves.
 
     url: its URL. asked: the paths that were asked for, in order. faults: the status codes of the next answers for
-        paths that end so; None for a broken connection.
+        paths that end so; None for a broken connection, and STALL for no answer at all. has_ended: whether the server
+        has ended, so that no answer is held back any longer. key: the access key of S3 by which requests have to be
+        signed, empty for none.
     """
 
     def __init__(self, url: str) -> None:
         self.url = url
         self.asked: list[str] = []
         self.faults: dict[str, list[int | None]] = {}
+        self.has_ended = threading.Event()
+        self.key = ""
 
 
 class _Handler(SimpleHTTPRequestHandler):
@@ -30,14 +44,30 @@ class _Handler(SimpleHTTPRequestHandler):
 
     def do_GET(self) -> None:
         self._served.asked.append(self.path)
+        if self._served.key and f"Credential={self._served.key}/" not in self.headers.get("authorization", ""):
+            self.send_error(403)
+            return
         for end, codes in self._served.faults.items():
             if self.path.endswith(end) and codes:
                 code = codes.pop(0)
-                if code is not None:
+                if code == STALL:
+                    self._served.has_ended.wait()
+                elif code is not None:
                     self.send_error(code)
                 self.close_connection = True
                 return
         super().do_GET()
+
+    def translate_path(self, path: str) -> str:
+        """Return the file of a path; Google has all of a key, with its slashes, in one part of a path."""
+        found = _GOOGLE.fullmatch(path.partition("?")[0])
+        return super().translate_path(path if found is None else f"/{found[1]}/{found[2].replace('%2F', '/')}")
+
+    def end_headers(self) -> None:
+        """Add the headers of objects in a bucket."""
+        self.send_header("ETag", '"1"')
+        self.send_header("x-goog-generation", "1")
+        super().end_headers()
 
     def log_message(self, *_: object) -> None:
         """Print nothing."""
@@ -60,5 +90,6 @@ def served_folder(folder: Path) -> Iterator[ServedFolder]:
         try:
             yield served
         finally:
+            served.has_ended.set()
             server.shutdown()
             thread.join()

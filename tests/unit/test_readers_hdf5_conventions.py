@@ -5,7 +5,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
-from hdf5_files import VALUES, write_bdv, write_emd, write_imaris, write_netcdf, write_nexus
+from hdf5_files import VALUES, spoil_chunks, write_bdv, write_emd, write_imaris, write_netcdf, write_nexus
 from volume_files import read, refused
 
 pytestmark = pytest.mark.usefixtures("one_process")
@@ -206,12 +206,11 @@ def test_imaris(tmp_path):
         ("GFP", (0, 1, 0), True),
         ("RFP", (1, 0, 0), True),
     ]
-    coarse = read(path, dataset="DataSet/ResolutionLevel 1", component=1)
+    coarse = read(path, level=1, component=1)
     np.testing.assert_array_equal(coarse.values, VALUES[::2, ::2, ::2] + 1)
     np.testing.assert_array_equal(coarse.spacing, [2, 1.5, 4])  # the same ends, of 2 x 2 x 1 voxels
-    one = read(path, dataset="/DataSet/ResolutionLevel 0/TimePoint 0/Channel 1/Data")
-    np.testing.assert_array_equal(one.values, VALUES + 1)
-    np.testing.assert_array_equal(one.spacing, [1, 1, 2])
+    assert [(each.shape, each.is_read) for each in coarse.levels] == [((4, 3, 2), False), ((2, 2, 1), True)]
+    assert refused(path, match="there is no such level", level=2).expected == "0 to 1"
 
 
 def test_imaris_that_lacks_a_channel(tmp_path):
@@ -241,9 +240,66 @@ def test_bigdataviewer(tmp_path):
     assert volume.values.dtype == np.uint16 and volume.num_times == 3
     np.testing.assert_array_equal(volume.spacing, [0.5, 1, 2])
     assert [each.name for each in volume.channels] == ["c0", "c1"] and volume.length_unit == "µm"
-    coarse = read(path, dataset="s00/1", component=0, time=0)
+    coarse = read(path, level=1, component=0, time=0)
     np.testing.assert_array_equal(coarse.spacing, [1, 2, 4])
     np.testing.assert_array_equal(coarse.world_from_index[:3, 3], [0.25, 0.5, 1])  # in the middle of two
+
+
+LARGE = np.arange(16 * 12 * 14, dtype=np.uint16).reshape(16, 12, 14)
+CHUNKS = {"chunks": (8, 6, 7), "compression": "gzip"}
+
+
+@pytest.mark.parametrize("kind", ["imaris", "bdv"])
+def test_a_crop_reads_the_chunks_of_one_time_and_channel(tmp_path, kind):
+    """Whatever else is read is damaged. A crop is of the finest level, at whatever level is drawn."""
+    both = (LARGE, LARGE + 5)
+    if kind == "imaris":
+        path = write_imaris(tmp_path / "a.ims", both, num_levels=2, info={"Image": ENDS}, **CHUNKS)
+        places = [f"DataSet/ResolutionLevel {level}/TimePoint 0/Channel {{}}/Data" for level in range(2)]
+    else:
+        xml = "".join(view_setup(k, k).replace("4 3 2", "14 12 16") for k in range(2))
+        path = write_bdv(tmp_path / "a.h5", both, num_levels=2, xml=xml, **CHUNKS)
+        places = [f"t00000/s{{:02}}/{level}/cells" for level in range(2)]
+    for place in places:
+        spoil_chunks(path, place.format(0), but=())
+    spoil_chunks(path, places[0].format(1), but=(8, 0, 7))
+    crop = ((8, 14), (2, 6), (10, 13))
+    volume = read(path, component=1, level=0, crop=crop)
+    np.testing.assert_array_equal(volume.values, both[1][10:13, 2:6, 8:14])
+    assert volume.levels[0].chunks == (7, 6, 8)
+    coarse = read(path, component=1, level=1, crop=crop)
+    np.testing.assert_array_equal(coarse.values, both[1][::2, ::2, ::2][5:7, 1:3, 4:7])
+    error = refused(path, match="cannot be decoded", component=1, level=0)
+    assert places[0].format(1) in error.where
+    refused(path, match="the crop does not fit the volume along z", component=1, crop=(None, None, (0, 17)))
+
+
+def test_steps_that_differ_in_their_type_are_refused(tmp_path):
+    """Numbers of the same size are not taken for numbers of another type."""
+    path = write_imaris(tmp_path / "a.ims", (LARGE,))
+    with h5py.File(path, "r+") as file:
+        times = file["DataSet/ResolutionLevel 0"]
+        times["TimePoint 1/Channel 0/Data"] = LARGE.astype(np.float16)
+    assert "TimePoint 1" in refused(path, match="lacks the voxels of a channel", time=1).got
+
+
+def test_the_finest_level_that_fits_is_read(tmp_path, monkeypatch):
+    path = write_imaris(tmp_path / "a.ims", (LARGE,), num_levels=3)
+    monkeypatch.setattr("renderer.readers.volume_reading.free_bytes", lambda: LARGE.nbytes)
+    volume = read(path)
+    np.testing.assert_array_equal(volume.values, LARGE[::2, ::2, ::2])
+    assert volume.spacing.tolist() == [2, 2, 2] and "level 1, the finest that fits" in volume.note
+
+
+def test_a_crop_of_one_dataset_reads_its_chunks_alone(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("a", data=np.stack([LARGE, LARGE + 9]), chunks=(1, 8, 6, 7), compression="gzip")
+        file["a"].dims[0].label = "t"
+    spoil_chunks(tmp_path / "a.h5", "a", but=(1, 8, 0, 7))
+    volume = read(tmp_path / "a.h5", time=1, crop=((8, 14), (0, 6), (10, 13)))
+    np.testing.assert_array_equal(volume.values, LARGE[10:13, :6, 8:14] + 9)
+    assert volume.world_from_index[:3, 3].tolist() == [8, 0, 10]
+    refused(tmp_path / "a.h5", match="there is no such level", time=1, level=1)
 
 
 def test_bigdataviewer_without_its_description(tmp_path):

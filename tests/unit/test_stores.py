@@ -23,7 +23,9 @@ from store_files import (
 )
 from volume_files import read, refused
 
-from renderer.readers import find_volume, volumes_in
+from renderer.readers import find_volume, read_volume, volumes_in
+from renderer.scene import FileSource, VolumeSpec
+from renderer.suggest import suggest_for
 from renderer.volume import Array, Volume
 
 pytestmark = pytest.mark.usefixtures("one_process")
@@ -89,7 +91,7 @@ def test_a_level_that_does_not_fit_is_refused_with_a_way_out(store: Path, monkey
 def test_levels_that_are_not_there(store: Path, tmp_path: Path) -> None:
     assert refused(store, match="there is no such level", level=3).expected == "0 to 2"
     np.save(tmp_path / "a.npy", FIELD)
-    refused(tmp_path / "a.npy", match="only stores have levels", level=1)
+    refused(tmp_path / "a.npy", match="only stores, Imaris and BigDataViewer have levels", level=1)
 
 
 def test_a_crop_is_of_the_finest_level_and_reads_its_chunks_alone(store: Path) -> None:
@@ -141,6 +143,22 @@ def test_channels_have_names_colours_and_windows(tmp_path: Path) -> None:
     assert (first.name, first.color, first.window, first.is_light) == ("DAPI", (0, 0, 1), (5, 90), True)
     assert (second.name, second.color, second.window) == ("GFP", (0, 1, 0), None)
     assert "2 components (DAPI, GFP); the first is drawn" in str(read(folder).note)
+
+
+def test_channels_that_the_file_hides_are_no_layers(tmp_path: Path) -> None:
+    """Unless the file hides all of them, as some programs write."""
+    whole = field((3, 4, 5, 6))
+    for hidden, shown in (((False, True, False), [0, 2]), ((True,) * 3, [0, 1, 2])):
+        channels = [{"label": name, "active": not each} for name, each in zip("abc", hidden, strict=True)]
+        fields = {"omero": {"channels": channels}}
+        folder = write_ome(tmp_path / str(shown), [whole], [scaled(1, 1, 1, 1)], axes="czyx", fields=fields)
+        spec = VolumeSpec(FileSource(folder))
+        assert [each.is_hidden for each in read_volume(spec).channels] == list(hidden)
+        found = suggest_for(spec, read_volume)
+        assert [each.volume.component for each in found.layers] == shown
+        assert [each.name for each in found.layers] == ["abc"[number] for number in shown]
+        is_named = "hidden by the file, and not part of `component: all`: b" in str(read_volume(spec).note)
+        assert is_named == (len(shown) == 2)
 
 
 def test_labels_are_an_image_in_the_image(store: Path) -> None:
@@ -212,6 +230,18 @@ def test_arrays_without_ome(tmp_path: Path, version: int) -> None:
     assert _is(whole, FIELD) and "the largest array, raw, is read; `dataset: NAME` reads another" in str(whole.note)
     assert _is(read(tmp_path / "a", dataset="deep/small"), FIELD[:2])
     assert _is(read(zipped_store(tmp_path / "a", tmp_path / "a.zip")), FIELD)
+
+
+def test_values_are_scaled_as_cf_says(tmp_path: Path) -> None:
+    """Also where the metadata have no numbers; values that mark absent voxels are stored ones."""
+    write_array(tmp_path / "a", FIELD)
+    write_json(tmp_path / "a/.zattrs", {"scale_factor": 0.1, "add_offset": -3, "_FillValue": 7})
+    volume, expected = read(tmp_path / "a"), (FIELD * 0.1 - 3).astype(np.float32)
+    expected[FIELD == 7] = np.nan
+    assert _is(volume, expected) and volume.num_absent == 1
+    np.testing.assert_array_equal(read(tmp_path / "a", crop=((2, 4), None, (3, 4))).values, expected[3:4, :, 2:4])
+    write_json(tmp_path / "a/.zattrs", {"scale_factor": "half", "add_offset": [3]})
+    assert _is(read(tmp_path / "a"), FIELD)
 
 
 def test_n5_has_x_first(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from store_files import field, halves, scaled, write_json, write_n5, write_ome, write_precomputed, zipped_store
-from store_server import ServedFolder, served_folder
+from store_server import STALL, ServedFolder, served_folder
 from volume_files import read
 
 from hsplat_cli.commands.info import info
@@ -66,6 +68,59 @@ def test_a_failed_request_is_repeated(server: ServedFolder) -> None:
     assert server.asked.count("/a.ome.zarr/0/1.1.1") == 3
 
 
+# Reads a chunk of a store with short limits. A process of its own, as tensorstore takes limits once for a process.
+_READ_SOON = """
+import sys
+import numpy as np
+import pytest
+from renderer.errors import InputError
+from renderer.stores import open_store
+url, stalled, whole = sys.argv[1:]
+limits = pytest.MonkeyPatch()
+limits.setenv("TENSORSTORE_CURL_LOW_SPEED_TIME_SECONDS", stalled)
+retries = {"max_retries": 1, "initial_delay": "10ms", "max_delay": "10ms"}
+limits.setattr("renderer.stores.library._RETRIES", retries)
+for file in ("library", "store", "store_files"):
+    limits.setattr(f"renderer.stores.{file}.REQUEST_SECONDS", float(whole))
+try:
+    voxels = np.zeros((2, 2, 2), "uint16")
+    open_store(url).read_box(0, [slice(5, 7)] * 3, voxels)
+    print(voxels.sum())
+except InputError as error:
+    print(error)
+"""
+
+
+def _read_soon(server: ServedFolder, *, stalled: int = 1, whole: float = 60) -> str:
+    """Return the sum of voxels of a chunk, or an error. stalled, whole: limits in seconds, without and with retries."""
+    command = [sys.executable, "-c", _READ_SOON, f"{server.url}/a.ome.zarr", str(stalled), str(whole)]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+
+
+@pytest.mark.parametrize("name", ["0/1.1.1", ".zattrs"])
+def test_a_server_that_stalls_is_asked_again(server: ServedFolder, name: str) -> None:
+    server.faults = {name: [STALL]}
+    assert _read_soon(server) == f"{FIELD[5:7, 5:7, 5:7].sum()}\n"
+    assert server.asked.count(f"/a.ome.zarr/{name}") == 2
+
+
+@pytest.mark.parametrize("name", ["0/1.1.1", "0/.zarray", ".zattrs"])
+def test_a_server_that_stalls_for_good_is_an_error(server: ServedFolder, name: str) -> None:
+    server.faults = {name: [STALL] * 9}
+    shown = _read_soon(server)
+    assert shown.startswith(f"{server.url}/a.ome.zarr") and "retry attempts failed" in shown
+    assert "hint: the server or the network failed, also after retries: run the command again" in shown
+    assert server.asked.count(f"/a.ome.zarr/{name}") == 2
+
+
+@pytest.mark.parametrize("name", ["0/1.1.1", "0/.zarray", ".zattrs"])
+def test_no_request_takes_longer_than_its_limit(server: ServedFolder, name: str) -> None:
+    """Also where the limit of a server that stalls does not hold, as of one that sends a byte now and then."""
+    server.faults = {name: [STALL] * 9}
+    shown = _read_soon(server, stalled=600, whole=0.5)
+    assert shown.startswith(f"{server.url}/a.ome.zarr") and "got: no answer in time" in shown
+
+
 @pytest.mark.parametrize(
     ("name", "code", "hint"),
     [
@@ -79,6 +134,50 @@ def test_requests_that_fail_are_errors(server: ServedFolder, name: str, code: in
     with pytest.raises(InputError) as error:
         _read(f"{server.url}/a.ome.zarr", level=0)
     assert hint in str(error.value.hint) and server.url in str(error.value)
+
+
+@pytest.fixture
+def buckets(tmp_path: Path, server: ServedFolder, monkeypatch: pytest.MonkeyPatch) -> ServedFolder:
+    """Serve the folder `bucket` as a bucket of S3 and of Google, without credentials of this machine."""
+    write_ome(tmp_path / "bucket/a.ome.zarr", LEVELS, PLACES)
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_PROFILE", "GOOGLE_APPLICATION_CREDENTIALS"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("AWS_CONFIG_FILE", "AWS_SHARED_CREDENTIALS_FILE"):
+        monkeypatch.setenv(name, "/dev/null")
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+    monkeypatch.setenv("TENSORSTORE_GCS_HTTP_URL", server.url)
+    return server
+
+
+@pytest.mark.parametrize("scheme", ["s3", "gs"])
+@pytest.mark.usefixtures("buckets")
+def test_buckets_are_read_without_credentials(scheme: str) -> None:
+    volume = _read(f"{scheme}://bucket/a.ome.zarr", level=1)
+    np.testing.assert_array_equal(volume.values, LEVELS[1])
+    with pytest.raises(InputError, match="there is no store here"):
+        _read(f"{scheme}://bucket/nothing")
+
+
+def test_credentials_of_s3(buckets: ServedFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the right key, the error says so; the key is in no message."""
+    buckets.key = "right"
+    for key in ("", "wrong", "right"):
+        monkeypatch.setenv("AWS_ACCESS_KEY_ID", key)
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+        if key == "right":
+            np.testing.assert_array_equal(_read("s3://bucket/a.ome.zarr", level=1).values, LEVELS[1])
+            break
+        with pytest.raises(InputError, match="the metadata of this store cannot be read") as error:
+            _read("s3://bucket/a.ome.zarr")
+        assert error.value.where == "s3://bucket/a.ome.zarr" and "the server refuses access" in str(error.value.hint)
+        assert "secret" not in str(error.value)
+
+
+def test_missing_files_may_be_refused(buckets: ServedFolder) -> None:
+    """S3 answers so where nobody may list the bucket."""
+    buckets.faults = {f"a.ome.zarr/{name}": [403] * 9 for name in ("zarr.json", ".zarray")}
+    np.testing.assert_array_equal(_read("s3://bucket/a.ome.zarr", level=1).values, LEVELS[1])
 
 
 def test_a_missing_chunk_at_a_url_has_the_fill_value(server: ServedFolder) -> None:
@@ -118,6 +217,14 @@ def test_info_lists_the_levels(server: ServedFolder) -> None:
         "  levels       0: 18 x 14 x 12 voxels in chunks of 5 x 5 x 5, 6048 bytes\n"
         "               1: 9 x 7 x 12 voxels in chunks of 5 x 5 x 5, 1512 bytes, which is read\n"
     ) in shown.output
+    assert "  stored " not in shown.output
+
+
+def test_info_adds_the_sizes_of_files(tmp_path: Path) -> None:
+    folder = write_ome(tmp_path / "a.ome.zarr", LEVELS, PLACES)
+    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+    shown = CliRunner().invoke(info, [str(folder)]).output
+    assert f"  stored       {size} bytes\n" in shown
 
 
 def test_metadata_of_a_local_store_reach_no_server(tmp_path: Path, server: ServedFolder) -> None:
