@@ -6,7 +6,7 @@ One level, one time step and one component of it is read, and only the chunks of
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,11 +21,13 @@ from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
+from renderer.readers.store_blocks import Blocks, Ranges
 from renderer.readers.units import Units, one_spelling, units_of
 from renderer.readers.voxel_limits import check_crop, check_dtype, check_size
 from renderer.scene import short_text
 from renderer.stores import Axis, Level, Store, open_store
-from renderer.volume import Channel, Float64, VolumeLevel
+from renderer.system import start_threads
+from renderer.volume import Array, Channel, Float64, VolumeLevel
 
 STATEMENTS = FormatTable(
     "Stores (OME-Zarr, Zarr, N5, Neuroglancer)",
@@ -60,6 +62,8 @@ STATEMENTS = FormatTable(
 _RESERVED_BYTES = 1 << 30
 # The number of chunks that are held at a time, encoded or decoded, beside the voxels.
 _NUM_HELD_CHUNKS = 16
+# The number of boxes of a level that are read at a time, if many are read: as many as requests to a server.
+_NUM_BOXES = 16
 # For each orientation of an axis: the axis of LPS along which it lies, and whether it has the same direction.
 _ORIENTATIONS = {
     "right-to-left": (0, 1.0),
@@ -82,22 +86,29 @@ class _Layout(NamedTuple):
     space: tuple[int | None, ...]
 
 
+class StorePart(NamedTuple):
+    """The part of an image in a store that is read.
+
+    dataset: the name of the image, None for the only one. level: the number of the level, None for the finest one whose
+    voxels take at most `most_bytes`. crop: ranges of voxels of the finest level along x, y, z. blocks: the blocks that
+    are read, as of `Blocks.to_plain`; other voxels are 0. It is empty to read none, and None to read all.
+    """
+
+    dataset: str | None
+    level: int | None
+    crop: Sequence[Sequence[int] | None] | None
+    most_bytes: float
+    blocks: Sequence[Any] | None = None
+
+
 def read_store(
-    place: Path | str,
-    time: int | None,
-    component: int | None,
-    *,
-    host: Host,
-    dataset: str | None,
-    level: int | None,
-    crop: Sequence[Sequence[int] | None] | None,
-    most_bytes: float,
+    place: Path | str, time: int | None, component: int | None, *, host: Host, part: Mapping[str, Any]
 ) -> Image:
     """Read one level, time step and component of the image in a store, or of the named one.
 
-    level: the number of the level, None for the finest one whose voxels take at most `most_bytes`. crop: ranges of
-    voxels of the finest level along x, y, z. Raises InputError for stores that are damaged or hold no such image.
+    part: the values of a `StorePart`. Raises InputError for stores that are damaged or hold no such image.
     """
+    dataset, level, crop, most_bytes, blocks = StorePart(**part)
     host.expect_bytes(_RESERVED_BYTES)
     store = open_store(str(place), dataset or "")
     finest, plan = store.levels[0], store.image.plan
@@ -111,7 +122,9 @@ def read_store(
     sizes = [each.dtype.itemsize * math.prod(end - begin for begin, end in box)
              for each, box in zip(store.levels, boxes, strict=True)]  # fmt: skip
     number, level_note = choose_level(sizes, level, most_bytes)
-    values = _read(store, number, boxes[number], layout, chosen, host)
+    parts = None if blocks is None else [*Blocks.from_plain(*blocks).boxes(boxes[number])] if blocks else []
+    values = _allocate(store, number, boxes[number], host, is_sparse=parts is not None)
+    _read(store, number, _Target(values, boxes[number], layout, chosen), [boxes[number]] if parts is None else parts)
     units, unit_note = _units(plan.axes, layout)
     turned, axes = _in_body(places[number], plan.axes, layout)
     dataset_note = f"the image {short_text(store.image.name)} is read" if store.image.name and not dataset else None
@@ -152,29 +165,56 @@ def choose_level(sizes: Sequence[int], wanted: int | None, most_bytes: float) ->
     return number, f"{last + 1} levels; level {number}, {why}, is drawn; `level: k` chooses another"
 
 
-def _read(
-    store: Store, number: int, box: tuple[tuple[int, int], ...], layout: _Layout, chosen: Chosen, host: Host
-) -> Any:
-    """Return the voxels [z, y, x] of a box of a level. box: ranges along x, y, z."""
+def _allocate(store: Store, number: int, box: Ranges, host: Host, *, is_sparse: bool) -> Array:
+    """Return zeros for the voxels [z, y, x] of a box of a level. is_sparse: whether most of them stay zeros."""
     level = store.levels[number]
     shape = tuple(end - begin for begin, end in box[::-1])
+    host.expect_bytes(_NUM_HELD_CHUNKS * level.dtype.itemsize * math.prod(map(min, level.chunks, level.shape)))
+    dtype = level.dtype.newbyteorder("=")
+    if is_sparse:
+        check_size(shape[::-1], dtype)
+        return host.allocate(shape, dtype)
     try:
-        values = allocate_voxels(host, shape, level.dtype.newbyteorder("="))
+        return allocate_voxels(host, shape, dtype)
     except InputError as error:
         if "memory" in error.what:
             further = f"`level: {number + 1}`, which is coarser, or " if number + 1 < len(store.levels) else ""
             error.what, error.hint = f"the voxels of level {number} do not fit into memory", f"{further}`crop`"
         raise
-    host.expect_bytes(_NUM_HELD_CHUNKS * level.dtype.itemsize * math.prod(map(min, level.chunks, level.shape)))
-    item: list[int | slice] = [part if isinstance(part, int) else slice(0, 1) for part in chosen.part]
-    order = []
-    for axis, (begin, end) in zip(layout.space, box[::-1], strict=True):
-        if axis is not None:
-            item[axis] = slice(begin, end)
-            order.append(axis)
-    present = values[tuple(0 if axis is None else slice(None) for axis in layout.space)]
-    store.read_box(number, item, np.transpose(present, np.argsort(order)))
-    return values
+
+
+class _Target(NamedTuple):
+    """An array for the voxels of a level. values: [z, y, x]. box: the ranges of voxels along x, y, z that it has."""
+
+    values: Array
+    box: Ranges
+    layout: _Layout
+    chosen: Chosen
+
+    def part(self, box: Ranges) -> tuple[list[int | slice], Array]:
+        """Return a box, given by ranges along x, y, z, in the axes of the store's array, and the array to fill."""
+        item: list[int | slice] = [part if isinstance(part, int) else slice(0, 1) for part in self.chosen.part]
+        order, ranges = list[int](), list[int | slice]()
+        for axis, (begin, end), (first, _) in zip(self.layout.space, box[::-1], self.box[::-1], strict=True):
+            ranges.append(0 if axis is None else slice(begin - first, end - first))
+            if axis is not None:
+                item[axis] = slice(begin, end)
+                order.append(axis)
+        return item, np.transpose(self.values[tuple(ranges)], np.argsort(order))
+
+
+def _read(store: Store, number: int, target: _Target, boxes: Sequence[Ranges]) -> None:
+    """Read boxes of a level, several at a time. boxes: ranges of voxels along x, y, z."""
+
+    def read(box: Ranges) -> None:
+        store.read_box(number, *target.part(box))
+
+    if len(boxes) == 1:
+        read(boxes[0])
+        return
+    with start_threads(_NUM_BOXES) as threads:
+        for _ in threads.map(read, boxes):
+            pass
 
 
 def _layout(store: Store, time: int | None, component: int | None) -> _Layout:

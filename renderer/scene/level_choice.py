@@ -1,0 +1,48 @@
+"""Define the choice of a level of a store, and say it in a sentence."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class LevelChoice(NamedTuple):
+    """A level of a store that was chosen for a scene that names none.
+
+    number: the level, 0 for the finest. num_levels: the number of levels of the store. why: a clause that says why it
+        was chosen.
+    num_bytes: the bytes of its voxels. num_measured: the bytes of the finest level that were read to measure the error
+        of coarser ones.
+    asked: the PSNR that the scene asks for, in decibels.
+    psnr: the estimated PSNR of exact pictures of the level against those of the finest one; None if not measured.
+    least: a PSNR that is reached in 95 % of cases or more.
+    is_exact: whether the level is as exact as the scene asks.
+    """
+
+    number: int
+    num_levels: int
+    why: str
+    num_bytes: int
+    num_measured: int
+    asked: float
+    psnr: float | None = None
+    least: float | None = None
+    is_exact: bool = True
+
+    @property
+    def note(self) -> str:
+        """Return the choice as a sentence without its full stop."""
+        error = measured = ""
+        if self.least is not None:
+            reached = f"{self.psnr:.0f} dB of the finest level, {self.least:.0f} or more in 95 % of cases"
+            error = f"; {reached}; {self.asked:.0f} dB are asked for"
+        if self.num_measured:
+            measured = f", and {_size(self.num_measured)} of the finest level to measure"
+        return (
+            f"level {self.number} of 0 to {self.num_levels - 1} is drawn, {self.why}{error}; "
+            f"{_size(self.num_bytes)} are read{measured}; `level: k` chooses another"
+        )
+
+
+def _size(num_bytes: int) -> str:
+    """Return a number of bytes as text, such as `12.3 MiB`."""
+    return f"{num_bytes / 2**20:.3g} MiB" if num_bytes < 2**30 else f"{num_bytes / 2**30:.3g} GiB"
