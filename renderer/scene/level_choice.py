@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+# The units of sizes, from the largest on, each with its exponent of 2.
+_UNITS = (("GiB", 30), ("MiB", 20), ("KiB", 10))
+
 
 class LevelChoice(NamedTuple):
     """A level of a store that was chosen for a scene that names none.
@@ -45,4 +48,5 @@ class LevelChoice(NamedTuple):
 
 def _size(num_bytes: int) -> str:
     """Return a number of bytes as text, such as `12.3 MiB`."""
-    return f"{num_bytes / 2**20:.3g} MiB" if num_bytes < 2**30 else f"{num_bytes / 2**30:.3g} GiB"
+    unit, shift = next(((unit, shift) for unit, shift in _UNITS if num_bytes >= 1 << shift), _UNITS[-1])
+    return f"{num_bytes / (1 << shift):.3g} {unit}"

@@ -16,14 +16,12 @@ from store_files import halves, scaled, write_ome
 from hsplat_cli.commands.check import check
 from hsplat_cli.commands.render import render
 from renderer.accuracy import TRUTH_TOLERANCE, compute_truth, psnr
-from renderer.frame import FilmStage, prepare_stage
+from renderer.frame import FilmStage, prepare_stage, view_of
 from renderer.readers import Blocks, read_part, read_volume
-from renderer.resolve import resolve_scene
-from renderer.resolve.level_errors import LevelErrors
-from renderer.scene import FileSource, FilmScene, LevelChoice, VolumeSpec, parse_scene, scene_to_dict
+from renderer.resolve import LevelErrors, resolve_scene
+from renderer.scene import FileSource, FilmScene, LevelChoice, VolumeSpec, parse_scene, scene_to_dict, with_tolerance
 from renderer.stores import Store
 from renderer.truth import SceneRays, pixel_centres
-from renderer.view import View
 from renderer.volume import Array, Float64, VolumeLevel
 
 SIDE = 64
@@ -57,13 +55,13 @@ def write_store(folder: Path, finest: Array, chunk: int = 8, num: int = 4) -> Pa
     return write_ome(folder, levels, places, chunks=[chunk] * 3)
 
 
-def scene_of(volume: Path, *, error: Any = {"psnr": 40}, frames: int = 4, **keys: Any) -> FilmScene:
+def scene_of(volume: Path, *, frames: int = 4, **keys: Any) -> FilmScene:
     tree = {
         "version": 1,
         "volume": {"file": str(volume), **keys},
         "transfer_function": {"points": POINTS},
         "camera": {"path": {"type": "turntable", "frames": frames}},
-        "error": error,
+        "error": {"psnr": 40},
         "output": {"file": "film-{frame}.png", "size": [48, 48]},
     }
     return parse_scene(tree, base=volume.parent)
@@ -77,9 +75,7 @@ def choice_of(scene: FilmScene) -> LevelChoice:
 
 
 def stage_of(scene: FilmScene, level: int) -> FilmStage:
-    leveled = scene.changed(
-        lambda each: each.with_layers(volume=replace(each.layers[0].volume, level=level))
-    )
+    leveled = scene.changed(lambda each: each.with_layers(volume=replace(each.layers[0].volume, level=level)))
     return prepare_stage(leveled, clock=lambda: 0.0, num_threads=2)
 
 
@@ -89,7 +85,7 @@ def test_a_smooth_field_takes_a_coarse_level_and_a_rough_one_the_finest(tmp_path
     assert found.number in (1, 2) and found.num_levels == 4 and found.psnr and found.psnr > 43
     assert found.num_bytes == (SIDE >> found.number) ** 3
     assert choice_of(scene_of(write_store(tmp_path / "b", rough()))).number == 0
-    finest = choice_of(scene_of(tmp_path / "a", error={"tolerance": 0}))
+    finest = choice_of(with_tolerance(scene_of(tmp_path / "a"), 0.0))
     assert finest.number == 0 and finest.num_measured == 0
 
 
@@ -111,3 +107,138 @@ def test_the_error_is_that_of_whole_exact_pictures(tmp_path: Path, field: Any) -
     assert abs(psnr(samples.mean) - psnr(float(np.mean(true)))) < 2.5
     low, high = samples.interval
     assert low <= np.mean(true) <= high
+
+
+class _Reads:
+    """The boxes of each level that stores have read."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.boxes: dict[int, list[tuple[slice, ...]]] = {}
+        original = Store.read_box
+
+        def read_box(store: Store, level: int, box: Sequence[Any], out: Array) -> None:
+            self.boxes.setdefault(level, []).append(tuple(box))
+            original(store, level, box, out)
+
+        monkeypatch.setattr(Store, "read_box", read_box)
+
+    def num_voxels(self, level: int) -> int:
+        return sum(int(np.prod([part.stop - part.start for part in box])) for box in self.boxes.get(level, []))
+
+
+@pytest.mark.usefixtures("one_process")
+def test_only_the_chunks_near_rays_are_read_and_each_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = write_store(tmp_path / "a", smooth())
+    reads = _Reads(monkeypatch)
+    monkeypatch.setattr("renderer.resolve.level_errors._NUM_CELLS", 2)
+    found = choice_of(scene_of(folder, frames=1))
+    assert 0 < found.num_measured == reads.num_voxels(0) < SIDE**3 / 4
+    read = np.zeros([SIDE] * 3, np.int64)
+    for box in reads.boxes[0]:
+        read[box] += 1
+    assert read.max() == 1
+    # The chosen level and coarser ones were read; level 3 has too few voxels for the picture.
+    assert sorted(reads.boxes) == [0, *range(found.number, 3)]
+
+
+@pytest.mark.usefixtures("one_process")
+@pytest.mark.parametrize("mode", ["emission", "maximum"])
+def test_rays_meet_the_voxels_that_were_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: str) -> None:
+    """The colours of rays through the parts of the finest level are those of rays through the whole level."""
+    shading = {"ambient": 0.3, "specular": 0.2} if mode == "emission" else None
+    tree = scene_to_dict(scene_of(write_store(tmp_path / "a", rough()), frames=3))
+    tree |= {"shading": shading} if shading else {"mode": {"type": mode}}
+    scene = parse_scene(tree, base=tmp_path)
+    whole = read_volume(VolumeSpec(FileSource(tmp_path / "a"), level=0))
+    errors = LevelErrors(stage_of(scene, 3), lambda _: True)
+    assert errors.num_bytes < SIDE**3
+    same = errors.error_of(lambda spec: replace(whole, finest_share=1.0))
+    assert same.mean == same.largest == 0.0
+    assert errors.error_of(lambda spec: read_volume(replace(spec, level=2))).mean > 0
+
+
+@pytest.mark.usefixtures("one_process")
+def test_a_level_that_does_not_fit_leaves_a_lower_accuracy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of(write_store(tmp_path / "a", rough()))
+    monkeypatch.setattr("renderer.readers.volume_reading.free_bytes", lambda: 4 * (SIDE // 2) ** 3)
+    found = choice_of(scene)
+    assert found.number == 1 and not found.is_exact and found.psnr and found.psnr < 40
+    assert "fits into a quarter of the free memory" in found.note and "40 dB are asked for" in found.note
+
+
+@pytest.mark.usefixtures("one_process")
+def test_a_level_by_hand_and_a_single_level_are_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    by_hand = scene_of(write_store(tmp_path / "a", smooth()), level=3)
+    reads = _Reads(monkeypatch)
+    assert resolve_scene(by_hand, read_volume) == by_hand
+    alone = scene_of(write_store(tmp_path / "b", smooth(), num=1))
+    assert resolve_scene(alone, read_volume) == alone and not reads.boxes
+    assert scene_of(tmp_path / "a", level="auto") == scene_of(tmp_path / "a")
+
+
+@pytest.mark.usefixtures("one_process")
+def test_opacities_are_of_the_finest_level(tmp_path: Path) -> None:
+    """Without `unit`, pictures of a constant field have the same opacity at all levels."""
+    scene = scene_of(write_store(tmp_path / "a", np.full([SIDE] * 3, 120, np.uint8)))
+    pictures = []
+    for level in (0, 3):
+        stage = stage_of(scene, level).first
+        pictures.append(SceneRays(stage).integrate(view_of(stage, 0), pixel_centres((48, 48)), 1.0)[:, 3])
+    assert pictures[0].max() > 0.9
+    np.testing.assert_allclose(*pictures, atol=2e-3)
+
+
+def test_check_the_terminal_and_the_sidecar_say_it(tmp_path: Path) -> None:
+    """In the child process that reads stores, from the command to the record, and from the record again."""
+    write_store(tmp_path / "a", smooth())
+    tree = scene_to_dict(scene_of(tmp_path / "a"))
+    tree["volume"] = {"file": "a"}
+    tree["output"] = {"file": str(tmp_path / "film-{frame}.png"), "size": [48, 48]}
+    scene = tmp_path / "scene.json"
+    scene.write_text(json.dumps(tree))
+    told = CliRunner().invoke(check, [str(scene)], catch_exceptions=False).output
+    assert "level    level " in told and "the coarsest that is exact enough" in told
+    said = CliRunner().invoke(render, [str(scene)], catch_exceptions=False).output
+    sentence = next(line for line in said.splitlines() if line.startswith("level "))
+    assert sentence in told
+    record = json.loads((tmp_path / "film-frames.json").read_text())
+    level = record["volume"]["level"]
+    assert record["scene"]["volume"]["level"] == level["number"] > 0 and sentence in record["notes"]
+    assert level["exact"] and level["least"] <= level["psnr"] and level["asked"] == 40 and level["num_measured"] > 0
+    assert "up to date" in CliRunner().invoke(render, [str(scene)], catch_exceptions=False).output
+    again = CliRunner().invoke(
+        render, [str(tmp_path / "film-frames.json"), "--output", str(tmp_path / "b{frame}.png")], catch_exceptions=False
+    )
+    assert again.exit_code == 0 and (tmp_path / "b2.png").read_bytes() == (tmp_path / "film-2.png").read_bytes()
+
+
+def test_blocks_are_whole_chunks_and_come_back_from_plain_data() -> None:
+    blocks = Blocks.of_level(VolumeLevel((1000, 700, 900), (2, 2, 3), 1))
+    assert blocks.wanted.size <= 2**18 and all(
+        side % chunk == 0 for side, chunk in zip(blocks.size, (2, 2, 3), strict=True)
+    )
+    blocks.wanted[1, 2, 3:5] = blocks.wanted[-1, -1, -1] = True
+    again = Blocks.from_plain(*json.loads(json.dumps(blocks.to_plain())))
+    assert again.size == blocks.size and np.array_equal(again.wanted, blocks.wanted)
+    x, y, z = blocks.size
+    found = [*again.boxes(((0, 4 * x + 1), (0, 700), (z + 1, 900)))]
+    assert found == [((3 * x, 4 * x + 1), (2 * y, 3 * y), (z + 1, 2 * z))]
+
+
+@pytest.mark.usefixtures("one_process")
+def test_a_part_has_the_place_and_the_voxels_of_its_level(tmp_path: Path) -> None:
+    finest = smooth()
+    write_store(tmp_path / "a", finest)
+    spec = VolumeSpec(FileSource(tmp_path / "a", (1.0, 1.0, 2.0)), level=0, crop=((10, 50), None, (3, 64)))
+    image = read_part(spec, None)
+    assert image is not None and not image.values.any()
+    blocks = Blocks.of_level(image.levels[0])
+    blocks.wanted[2:4, 1, 1:3] = True
+    part = read_part(spec, blocks)
+    assert part is not None
+    wanted = np.zeros_like(finest)
+    wanted[16:32, 8:16, 8:24] = finest[16:32, 8:16, 8:24]
+    np.testing.assert_array_equal(part.values, wanted[3:, :, 10:50])
+    np.testing.assert_array_equal(part.world_from_index, read_volume(spec).world_from_index)
+    np.save(tmp_path / "b.npy", finest)
+    assert read_part(VolumeSpec(FileSource(tmp_path / "b.npy")), None) is None
