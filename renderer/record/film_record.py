@@ -132,7 +132,7 @@ class LevelRecord:
     psnr: Annotated[
         float | None, types.DECIBELS, "The PSNR of exact pictures against the finest level; left out if not measured."
     ] = None
-    least: Annotated[float | None, types.DECIBELS, "The PSNR that is reached in 95 % of cases or more."] = None
+    least: Annotated[float | None, types.DECIBELS, "The PSNR that counts, with a margin for the few rays."] = None
 
 
 @dataclass(frozen=True)

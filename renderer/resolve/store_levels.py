@@ -117,7 +117,9 @@ def _measured_choice(store: _OpenStore, film: FilmStage, numbers: Sequence[int],
     last = numbers[-1]
     if (reason := _unmeasured(store, film)) is not None:
         return _choice(store, last, asked, f"the finest that {_FITS}, as {reason}")
-    errors = LevelErrors(film, store.has)
+    # The coarsest level that is tried is compared with the next coarser one, or with the next finer one.
+    other = numbers[0] + 1 if numbers[0] + 1 < len(store.sizes) else numbers[0] - 1
+    errors = LevelErrors(film, store.has, partial(_read_level, other))
     for number in numbers:
         if number == 0:
             break
@@ -126,7 +128,7 @@ def _measured_choice(store: _OpenStore, film: FilmStage, numbers: Sequence[int],
         is_exact = error <= _SHARE_OF_ERROR * squared_error(asked)
         if is_exact or number == last:
             why = "the coarsest that is exact enough" if is_exact else f"the finest that {_FITS}"
-            least = min(psnr(samples.interval[1]), MOST_DB)
+            least = min(psnr(error), MOST_DB)
             choice = _choice(store, number, asked, why)
             return choice._replace(
                 num_measured=errors.num_bytes, psnr=min(psnr(samples.mean), MOST_DB), least=least, is_exact=is_exact

@@ -17,7 +17,7 @@ class LevelChoice(NamedTuple):
         of coarser ones.
     asked: the PSNR that the scene asks for, in decibels.
     psnr: the estimated PSNR of exact pictures of the level against those of the finest one; None if not measured.
-    least: a PSNR that is reached in 95 % of cases or more.
+    least: the PSNR that counts, with an error that is larger by a margin for the few rays.
     is_exact: whether the level is as exact as the scene asks.
     """
 
@@ -36,7 +36,7 @@ class LevelChoice(NamedTuple):
         """Return the choice as a sentence without its full stop."""
         error = measured = ""
         if self.least is not None:
-            reached = f"{self.psnr:.0f} dB of the finest level, {self.least:.0f} or more in 95 % of cases"
+            reached = f"{self.psnr:.0f} dB of the finest level, {self.least:.0f} with a margin"
             error = f"; {reached}; {self.asked:.0f} dB are asked for"
         if self.num_measured:
             measured = f", and {_size(self.num_measured)} of the finest level to measure"
