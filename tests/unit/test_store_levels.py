@@ -245,3 +245,37 @@ def test_a_part_has_the_place_and_the_voxels_of_its_level(tmp_path: Path) -> Non
     np.testing.assert_array_equal(part.world_from_index, read_volume(spec).world_from_index)
     np.save(tmp_path / "b.npy", finest)
     assert read_part(VolumeSpec(FileSource(tmp_path / "b.npy")), None) is None
+
+
+@pytest.mark.usefixtures("one_process")
+def test_channels_and_steps_in_time_share_one_level(tmp_path: Path) -> None:
+    """`component: all` and `time: auto` of a store; the level is that of the channels together."""
+    levels = [smooth()]
+    for _ in range(2):
+        levels.append(halves(levels[-1], 2, 2, 2))
+    stacked = [np.stack([np.stack([level, level[::-1]])] * 2) for level in levels]
+    places = [scaled(1, 1, *[2.0**k] * 3, translation=[0, 0, *[0.5 * (2.0**k - 1)] * 3]) for k in range(3)]
+    write_ome(tmp_path / "a", stacked, places, axes="tczyx")
+    tree = scene_to_dict(scene_of(tmp_path / "a", component="all", time="auto"))
+    del tree["transfer_function"]
+    found = resolve_scene(parse_scene(tree, base=tmp_path), read_volume)
+    first = found.at(0)
+    one, two = (layer.volume.level for layer in first.layers)
+    assert one == two and one in (1, 2) and len(found.level_notes) == 1
+    assert {found.at(frame).layers[0].volume.time for frame in range(4)} == {0, 1}
+
+
+@pytest.mark.usefixtures("one_process")
+@pytest.mark.parametrize("kind", ["labels", "absent"])
+def test_labels_are_measured_and_voxels_without_data_are_not(tmp_path: Path, kind: str) -> None:
+    finest = (smooth() // 90).astype(np.uint8) if kind == "labels" else smooth().astype(np.float32)
+    if kind == "absent":
+        finest[:8] = np.nan
+    folder = write_ome(tmp_path / "a", [finest, finest[::2, ::2, ::2]], [scaled(1, 1, 1), scaled(2, 2, 2)])
+    tree = scene_to_dict(scene_of(folder))
+    if kind == "labels":
+        del tree["transfer_function"]
+        tree["labels"] = {"opacity": 0.1}
+    found = resolve_scene(parse_scene(tree, base=tmp_path), read_volume).at(0).layers[0].volume.chosen
+    assert found is not None and found.number == 0 and (found.num_measured > 0) == (kind == "labels")
+    assert ("voxels without data are not measured" in found.why) == (kind == "absent")
