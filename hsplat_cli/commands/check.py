@@ -13,7 +13,7 @@ from hsplat_cli.commands.shared_options import takes_scene
 from hsplat_cli.executors import memory_option
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter
-from renderer.accuracy import finer_than_kept, psnr, typical_kept_psnr, typical_psnr, wanted_error
+from renderer.accuracy import asked_psnr, finer_than_kept, typical_kept_psnr
 from renderer.errors import HsplatError, InputError, SceneError
 from renderer.film import (
     frame_path,
@@ -38,7 +38,6 @@ from renderer.scene import (
     counted,
     first_few,
     join_some,
-    min_tolerance,
     moving_values,
 )
 from renderer.system import MemoryShare, join_lines
@@ -119,7 +118,8 @@ def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, 
         raise
     except HsplatError as error:
         return [("note", f"the cost is not known: {_first_line(error)}")], None
-    rows = [("cost", f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}")]
+    rows = [*(("level", note) for note in job.scene.level_notes)]
+    rows += [("cost", f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}")]
     if found.brick_memory is not None:
         rows.append(("memory", _memory_text(found.brick_memory)))
     rows += [("note", each.note) for each in found.glances]
@@ -193,8 +193,7 @@ def _advice(scene: FilmScene) -> str | None:
     goal = scene.error.goal
     if scene.needs_opengl or isinstance(goal, (SplatBudget, TimeBudget)):
         return None
-    wanted = typical_psnr(min_tolerance(scene.error)) if goal is None else psnr(wanted_error(goal))
-    return finer_than_kept(wanted, typical_kept_psnr(scene.output))
+    return finer_than_kept(asked_psnr(scene.error), typical_kept_psnr(scene.output))
 
 
 def _source(volume: VolumeSpec) -> str:

@@ -6,6 +6,7 @@ from .decibels import (
     wanted_error as wanted_error,
 )
 from .encoding import (
+    asked_psnr as asked_psnr,
     encoding_loss as encoding_loss,
     finer_drawing as finer_drawing,
     finer_encoding as finer_encoding,
@@ -15,6 +16,7 @@ from .encoding import (
 )
 from .estimate import (
     ErrorSamples as ErrorSamples,
+    error_samples as error_samples,
     pool_samples as pool_samples,
 )
 from .flicker import (
@@ -43,6 +45,7 @@ from .metrics import (
     pool_accuracies as pool_accuracies,
     require_measuring_packages as require_measuring_packages,
 )
+from .pixels import choose_pixels as choose_pixels
 from .prober import (
     ExactPixels as ExactPixels,
     FrameProber as FrameProber,
@@ -80,12 +83,10 @@ from .visibility import ScalarRange as ScalarRange, scalar_ranges as scalar_rang
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .estimate import error_samples as error_samples
 from .metrics import (
     measure_accuracy as measure_accuracy,
     sampled_accuracy as sampled_accuracy,
 )
-from .pixels import choose_pixels as choose_pixels
 from .shared_probes import first_of_pair as first_of_pair, shared_pixels as shared_pixels
 from .tolerances import (
     distinct_tolerances as distinct_tolerances,

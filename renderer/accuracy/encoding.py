@@ -10,7 +10,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from renderer.scene import MAX_QUALITY, OutputFile
+from renderer.accuracy.decibels import psnr, wanted_error
+from renderer.scene import MAX_QUALITY, ErrorSpec, MetricTarget, OutputFile, min_tolerance
 
 if TYPE_CHECKING:
     from renderer.film import Pixels
@@ -105,6 +106,16 @@ def _halved_chroma_loss(frames: Sequence[Pixels]) -> float:
 def typical_psnr(tolerance: float) -> float:
     """Return the typical PSNR of pictures drawn as bricks at a tolerance, in decibels; infinity at tolerance 0."""
     return _TOLERANCE_DB + _DB_PER_DECADE * math.log10(_TOLERANCE / tolerance) if tolerance > 0 else math.inf
+
+
+def asked_psnr(error: ErrorSpec) -> float:
+    """Return the PSNR that a scene asks for, in decibels; infinity at tolerance 0.
+
+    Without a PSNR or an RMSE it is the typical one of its smallest tolerance; a budget counts as the default tolerance.
+    """
+    if isinstance(error.goal, MetricTarget):
+        return psnr(wanted_error(error.goal))
+    return typical_psnr(min_tolerance(ErrorSpec() if error.goal else error))
 
 
 def typical_tolerance(decibels: float) -> float:

@@ -100,7 +100,8 @@ def make_film(
                     if each.note is not None:
                         events.volume_noted(f"{each.name}: {each.note}")
             placed = placement_notes(job.scene.at(0).layers, volumes.first)
-            for note in filter(None, (*job.scene.import_notes, *placed, framing_note(job.scene))):
+            of_scene = (*job.scene.import_notes, *job.scene.level_notes)
+            for note in filter(None, (*of_scene, *placed, framing_note(job.scene))):
                 events.note(note)
             job, fingerprint = _with_fingerprint(job, volumes.fingerprint, executor.device)
             existing = find_finished_film(output.sidecar, events.note) if resumes else None
@@ -296,6 +297,7 @@ class FilmInProgress:
     def _notes(self) -> Iterator[str]:
         """Yield notes for the user on the output, the annotation, the pictures and the drawing."""
         yield from film_notes(self.output.spec)
+        yield from self.job.scene.level_notes
         yield from annotation_notes(self.stage)
         # The fault that nothing is visible is left out, because the notes on blank frames tell more about it.
         yield from (each.note for each in self.glances if each.word != NOTHING)

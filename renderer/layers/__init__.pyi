@@ -6,6 +6,7 @@ from .layer import (
     layer_digest as layer_digest,
     make_layer as make_layer,
     parts_over_frames as parts_over_frames,
+    with_level as with_level,
 )
 from .placement import (
     placement_notes as placement_notes,

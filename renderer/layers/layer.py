@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme_bricks, make_bricks
 from renderer.kernels import LightGrid
 from renderer.layers.label_numbers import leave_out_masked, number_labels
@@ -17,7 +19,7 @@ from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid
 from renderer.scene import RAMP_THICKNESS, FilmScene, LayerSpec, OverFrames, Scene
 from renderer.transfer import NO_LIGHT_GRID, TransferFunction, make_transfer_function
 from renderer.view import are_clipped_away, place_object_clips
-from renderer.volume import Volume
+from renderer.volume import Volume, move_volume
 
 
 @dataclass(frozen=True)
@@ -136,10 +138,7 @@ def make_layer(
     finest_cut: the bound of the cuts that will be made of the pyramid. lap: a function that is called with the name of
     each finished step. Raises InputError if the volume's file was changed.
     """
-    look = spec.transfer_function
-    if spec.color is not None:
-        look = replace(look, unit=RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max()))
-    transfer = make_transfer_function(look, volume.finest_spacing)
+    transfer = _transfer_of(spec, volume)
     if (labels := spec.transfer_function.labels) is not None:
         volume = number_labels(volume, labels.values)
     if volume.mask is not None and (scene.mode.is_projection or scene.needs_opengl):
@@ -169,3 +168,32 @@ def make_layer(
     lap("pyramid")
     digest = layer_digest(spec, scene, volume, finest_cut)
     return Layer(spec, volume, transfer, projection, light_grid, pyramid, bricks, extremes, digest)
+
+
+def with_level(layer: Layer, volume: Volume | None) -> Layer:
+    """Return a layer that shows another level of its volume, for exact rays, without occlusion and shadows.
+
+    volume: the other level, which is unplaced; None for the layer's own. Pyramid and bricks remain those of the own
+    level.
+    """
+    spec = layer.spec
+    if spec.shading is not None:
+        spec = replace(spec, shading=replace(spec.shading, occlusion=0.0, shadow=0.0))
+    layer = replace(layer, spec=spec, light_grid=NO_LIGHT_GRID)
+    if volume is None:
+        return layer
+    if spec.transform is not None:
+        volume = move_volume(volume, np.array(spec.transform))
+    volume = replace(volume, mask=layer.volume.mask)
+    transfer = _transfer_of(spec, volume)
+    if (labels := spec.transfer_function.labels) is not None:
+        volume = number_labels(volume, labels.values)
+    return replace(layer, volume=volume, transfer=transfer)
+
+
+def _transfer_of(spec: LayerSpec, volume: Volume) -> TransferFunction:
+    """Return the transfer function of a layer with a volume."""
+    unit = spec.transfer_function.unit or volume.opacity_unit
+    if spec.color is not None:
+        unit = RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max())
+    return make_transfer_function(replace(spec.transfer_function, unit=unit), volume.finest_spacing)

@@ -1,4 +1,5 @@
 from .components import are_colors as are_colors
+from .image import Image as Image
 from .sniff import (
     TIFF_SUFFIXES as TIFF_SUFFIXES,
     UnknownFormatError as UnknownFormatError,
@@ -11,10 +12,13 @@ from .sniff import (
     volumes_in as volumes_in,
 )
 from .steps_in_time import some_steps as some_steps
+from .store_blocks import Blocks as Blocks
 from .volume_reading import (
     ReadVolume as ReadVolume,
     header_and_voxel_files as header_and_voxel_files,
     mix_steps as mix_steps,
+    most_level_bytes as most_level_bytes,
+    read_part as read_part,
     read_volume as read_volume,
 )
 
@@ -23,7 +27,6 @@ from .volume_reading import (
 from .affines import check_lengths as check_lengths
 from .dicom_tags import summarize as summarize
 from .file_errors import errors_about as errors_about
-from .image import Image as Image
 from .isolation import call_reader as call_reader, read_isolated as read_isolated
 from .nrrd import read_nrrd as read_nrrd
 from .procedural import procedural_values as procedural_values

@@ -62,12 +62,13 @@ def allocate_voxels(host: Host, shape: tuple[int, ...], dtype: npt.DTypeLike) ->
     return host.allocate(shape, dtype)
 
 
-def read_isolated(reader: str, path: Path | str, **arguments: Any) -> Image:
+def read_isolated(reader: str, path: Path | str, *, on_disk: bool = False, **arguments: Any) -> Image:
     """Call a reader in a child process, and return its image.
 
     reader: the function, as `module:function`; its arguments are the path, `arguments`, and a `host`. path: a path, or
-        a text that is the URL of a store. arguments: values that JSON can express. Raises InputError if the reader
-        raises one or fails in any other way, and RenderError if the child cannot run.
+        a text that is the URL of a store. on_disk: whether voxels are shared in a temporary file. arguments: values
+        that JSON can express. Raises InputError if the reader raises one or fails in any other way, and RenderError if
+        the child cannot run.
     """
     stats = [] if isinstance(path, str) else _stats(path)
     # A sparse file may store fewer bytes than its size: st_blocks counts stored blocks, always in units of 512 bytes.
@@ -76,7 +77,7 @@ def read_isolated(reader: str, path: Path | str, **arguments: Any) -> Image:
     memory = _MEMORY_BYTES + _NUM_COPIES * max((stat.st_size for stat in stats), default=0)
     limits = {"memory": memory, "seconds": seconds}
     request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments, "limits": limits})
-    with ChildProcesses() as children, open_anonymous_file() as voxels:
+    with ChildProcesses() as children, open_anonymous_file(on_disk=on_disk) as voxels:
         receiver, sender = os.pipe()
         with open(receiver, "rb") as answers:
             try:

@@ -22,11 +22,13 @@ from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.scaled_values import scaled, scaled_type
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at, steps_at
+from renderer.readers.store_blocks import Blocks, Ranges
 from renderer.readers.units import Units, one_spelling, units_of
 from renderer.readers.voxel_limits import check_crop, check_dtype, check_size
 from renderer.scene import short_text
 from renderer.stores import Axis, ImagePlan, Level, OpenImage, open_store
-from renderer.volume import Channel, Float64, VolumeLevel
+from renderer.system import start_threads
+from renderer.volume import Array, Channel, Float64, VolumeLevel
 
 STATEMENTS = FormatTable(
     "Stores (OME-Zarr, Zarr, N5, Neuroglancer)",
@@ -63,6 +65,8 @@ _RESERVED_BYTES = 1 << 30
 _NUM_HELD_CHUNKS = 16
 # The slope and the intercept of stored numbers that are values.
 _NO_SCALING = (1.0, 0.0)
+# The number of boxes of a level that are read at a time, if many are read: as many as requests to a server.
+_NUM_BOXES = 16
 # For each orientation of an axis: the axis of LPS along which it lies, and whether it has the same direction.
 _ORIENTATIONS = {
     "right-to-left": (0, 1.0),
@@ -90,7 +94,8 @@ class Wanted(NamedTuple):
 
     time, component: the scene's choice, None without one. dataset: the name of the image, None for the only one. level:
     the number of the level, None for the finest one whose voxels take at most `most_bytes`. crop: ranges of voxels of
-    the finest level along x, y, z.
+    the finest level along x, y, z. blocks: the blocks that are read, as of `Blocks.to_plain`; other voxels are 0. It is
+    empty to read none, and None to read all.
     """
 
     time: int | None = None
@@ -99,6 +104,7 @@ class Wanted(NamedTuple):
     level: int | None = None
     crop: Sequence[Sequence[int] | None] | None = None
     most_bytes: float = math.inf
+    blocks: Sequence[Any] | None = None
 
 
 def read_store(place: Path | str, *, host: Host, **wanted: Any) -> Image:
@@ -124,7 +130,9 @@ def read_levels(store: OpenImage, wanted: Wanted, host: Host) -> Image:
     sizes = [_value_type(store, each).itemsize * math.prod(end - begin for begin, end in box)
              for each, box in zip(store.levels, boxes, strict=True)]  # fmt: skip
     number, level_note = choose_level(sizes, wanted.level, wanted.most_bytes)
-    values = _read(store, number, boxes[number], layout, chosen, host)
+    box = boxes[number]
+    values = _allocate(store, number, box, host, is_sparse=wanted.blocks is not None)
+    _read(store, number, _Target(values, box, layout, chosen), _parts(box, wanted.blocks))
     slope, intercept = plan.scaling
     units, unit_note = _units(plan.axes, layout)
     turned, axes = _in_body(places[number], plan.axes, layout)
@@ -141,7 +149,7 @@ def read_levels(store: OpenImage, wanted: Wanted, host: Host) -> Image:
         _steps(finest, plan, layout, chosen.steps.num_times),
         units_of(units.length_unit, axes),
         levels=tuple(_facts(each, layout, each is store.levels[number]) for each in store.levels),
-        box=boxes[number],
+        box=box,
         finest_from_index=np.linalg.inv(places[0]) @ places[number],
     )
 
@@ -167,33 +175,70 @@ def choose_level(sizes: Sequence[int], wanted: int | None, most_bytes: float) ->
     return number, f"{last + 1} levels; level {number}, {why}, is drawn; `level: k` chooses another"
 
 
-def _read(
-    store: OpenImage, number: int, box: tuple[tuple[int, int], ...], layout: _Layout, chosen: Chosen, host: Host
-) -> Any:
-    """Return the voxels [z, y, x] of a box of a level. box: ranges along x, y, z."""
+def _parts(box: Ranges, blocks: Sequence[Any] | None) -> list[Ranges]:
+    """Return the boxes of voxels that are read of a box. blocks: as in `Wanted`."""
+    if blocks is None:
+        return [box]
+    return [*Blocks.from_plain(*blocks).boxes(box)] if blocks else []
+
+
+def _allocate(store: OpenImage, number: int, box: Ranges, host: Host, *, is_sparse: bool) -> Array:
+    """Return zeros for the voxels [z, y, x] of a box of a level. is_sparse: whether most of them stay zeros."""
     level = store.levels[number]
     shape = tuple(end - begin for begin, end in box[::-1])
-    dtype, scaling = _value_type(store, level), store.image.plan.scaling
+    host.expect_bytes(_NUM_HELD_CHUNKS * level.dtype.itemsize * math.prod(map(min, level.chunks, level.shape)))
+    dtype = _value_type(store, level)
+    if is_sparse:
+        check_size(shape[::-1], dtype)
+        return host.allocate(shape, dtype)
     try:
-        values = allocate_voxels(host, shape, dtype)
+        return allocate_voxels(host, shape, dtype)
     except InputError as error:
         if "memory" in error.what:
             further = f"`level: {number + 1}`, which is coarser, or " if number + 1 < len(store.levels) else ""
             error.what, error.hint = f"the voxels of level {number} do not fit into memory", f"{further}`crop`"
         raise
-    host.expect_bytes(_NUM_HELD_CHUNKS * level.dtype.itemsize * math.prod(map(min, level.chunks, level.shape)))
-    item: list[int | slice] = [part if isinstance(part, int) else slice(0, 1) for part in chosen.part]
-    order = []
-    for axis, (begin, end) in zip(layout.space, box[::-1], strict=True):
-        if axis is not None:
-            item[axis] = slice(begin, end)
-            order.append(axis)
-    stored = values if scaling == _NO_SCALING else np.empty(shape, level.dtype.newbyteorder("="))
-    present = stored[tuple(0 if axis is None else slice(None) for axis in layout.space)]
-    store.read_box(number, item, np.transpose(present, np.argsort(order)))
-    if scaling != _NO_SCALING:
+
+
+class _Target(NamedTuple):
+    """An array for the voxels of a level. values: [z, y, x]. box: the ranges of voxels along x, y, z that it has."""
+
+    values: Array
+    box: Ranges
+    layout: _Layout
+    chosen: Chosen
+
+    def part(self, box: Ranges) -> tuple[list[int | slice], Array]:
+        """Return a box, given by ranges along x, y, z, in the axes of the store's array, and the array to fill."""
+        item: list[int | slice] = [part if isinstance(part, int) else slice(0, 1) for part in self.chosen.part]
+        order, ranges = list[int](), list[int | slice]()
+        for axis, (begin, end), (first, _) in zip(self.layout.space, box[::-1], self.box[::-1], strict=True):
+            ranges.append(0 if axis is None else slice(begin - first, end - first))
+            if axis is not None:
+                item[axis] = slice(begin, end)
+                order.append(axis)
+        return item, np.transpose(self.values[tuple(ranges)], np.argsort(order))
+
+
+def _read(store: OpenImage, number: int, target: _Target, boxes: Sequence[Ranges]) -> None:
+    """Read boxes of a level, several at a time. boxes: ranges of voxels along x, y, z."""
+    scaling, dtype = store.image.plan.scaling, store.levels[number].dtype.newbyteorder("=")
+
+    def read(box: Ranges) -> None:
+        item, values = target.part(box)
+        if scaling == _NO_SCALING:
+            store.read_box(number, item, values)
+            return
+        stored = np.empty(values.shape, dtype)
+        store.read_box(number, item, stored)
         values[...] = scaled(stored, *scaling)
-    return values
+
+    if len(boxes) == 1:
+        read(boxes[0])
+        return
+    with start_threads(_NUM_BOXES) as threads:
+        for _ in threads.map(read, boxes):
+            pass
 
 
 def _value_type(store: OpenImage, level: Level) -> np.dtype[Any]:

@@ -23,6 +23,7 @@ from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages, marks_of
 from renderer.readers.sniff import find_format, find_volume
 from renderer.readers.steps_in_time import TimeSteps, some_steps
+from renderer.readers.store_blocks import Blocks
 from renderer.readers.units import units_of
 from renderer.readers.voxel_colors import join_colors
 from renderer.readers.voxel_limits import (
@@ -35,6 +36,7 @@ from renderer.readers.voxel_limits import (
     stays_mapped,
 )
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, UrlSource, VolumeSpec, short_text
+from renderer.stores import is_store, is_zipped_store
 from renderer.system import free_bytes
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
@@ -143,16 +145,7 @@ def _between(before: Array, after: Array, share: float) -> Float64:
 
 
 def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
-    image = _load(spec, time)
-    check_dtype(image.values.dtype)
-    check_axes(image.world_from_index)
-    spacing, replaced = spec.source.spacing if isinstance(spec.source, (FileSource, UrlSource)) else None, None
-    if spacing is not None:
-        finest_from_index = np.eye(4) if image.finest_from_index is None else image.finest_from_index
-        finest = image.world_from_index @ np.linalg.inv(finest_from_index)
-        replaced = spacing_of(finest)
-        image = replace(image, world_from_index=with_spacing(finest, spacing) @ finest_from_index)
-    check_lengths(image.world_from_index)
+    image, replaced = _with_spacing(_load(spec, time), spec)
     crop, lengths = spec.crop or (None, None, None), image.values.shape[::-1]
     ranges = image.box or tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
     image, colors = crop_image(image, ranges), None
@@ -160,7 +153,7 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
         image, colors = join_colors(
             image, spec.component, lambda k: crop_image(_load(replace(spec, component=k), time), ranges)
         )
-    notes = [each for each in image.notes if each and (spacing is None or not each.startswith(GUESSED_LENGTHS))]
+    notes = [each for each in image.notes if each and (replaced is None or not each.startswith(GUESSED_LENGTHS))]
     is_light = are_light(image)
     if spec.component == "all" and (is_light or are_colors(image.values.dtype, image.channels)):
         notes = [each for each in notes if not each.startswith(f"{len(image.channels)} components")]
@@ -180,13 +173,56 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
-    named = replace(named, levels=image.levels)
+    finest_share = min(spacing_of(_finest_affine(image))) / min(spacing_of(image.world_from_index))
+    named = replace(named, levels=image.levels, finest_share=finest_share)
     is_guessed = not image.has_lengths or any((each or "").startswith(GUESSED_LENGTHS) for each in image.notes)
-    named = replace(named, has_lengths=spacing is not None or not is_guessed)
+    named = replace(named, has_lengths=replaced is not None or not is_guessed)
     # The scene's spacing may be in any unit. If it differs from the file's, the file's unit is not kept.
-    are_own = spacing is None or np.allclose(spacing, replaced or 0.0, rtol=1e-3, atol=0.0)
+    finest_spacing = spacing_of(_finest_affine(image))
+    are_own = replaced is None or np.allclose(finest_spacing, replaced, rtol=1e-3, atol=0.0)
     units = units_of(spec.unit or image.units.length_unit * bool(are_own), *image.units[1:])
     return replace(named, **image.steps._asdict(), **units._asdict())
+
+
+def _with_spacing(image: Image, spec: VolumeSpec) -> tuple[Image, tuple[float, float, float] | None]:
+    """Return an image with the spacing that a scene gives, and the spacing that it replaces; raises InputError."""
+    check_dtype(image.values.dtype)
+    check_axes(image.world_from_index)
+    spacing, replaced = spec.source.spacing if isinstance(spec.source, (FileSource, UrlSource)) else None, None
+    if spacing is not None:
+        finest = _finest_affine(image)
+        replaced = spacing_of(finest)
+        index = np.eye(4) if image.finest_from_index is None else image.finest_from_index
+        image = replace(image, world_from_index=with_spacing(finest, spacing) @ index)
+    check_lengths(image.world_from_index)
+    return image, replaced
+
+
+def _finest_affine(image: Image) -> Float64:
+    """Return the affine of the finest level of an image's store, float64 [4, 4]; of another image its own."""
+    if image.finest_from_index is None:
+        return image.world_from_index
+    return np.asarray(image.world_from_index @ np.linalg.inv(image.finest_from_index))
+
+
+def read_part(spec: VolumeSpec, blocks: Blocks | None) -> Image | None:
+    """Return a level of a store in which only some blocks are read, placed in the world; other voxels are 0.
+
+    The voxels are mapped from a temporary file. blocks: the blocks of the level that the spec names; None to read
+    no voxels. Returns None for a volume that is no store. Raises InputError for damaged stores.
+    """
+    source, time = spec.source, math.floor(spec.time) if isinstance(spec.time, (int, float)) else None
+    if not isinstance(source, (FileSource, UrlSource)) or (isinstance(source, FileSource) and source.steps):
+        return None
+    with errors_about(_name(source, time)):
+        place: Path | str = source.url if isinstance(source, UrlSource) else find_volume(require_exists(source.file))[0]
+        if isinstance(place, Path) and not (is_store(place) or is_zipped_store(place)):
+            return None
+        wanted = _wanted(spec, 0 if spec.time == "auto" else time)
+        chosen = () if blocks is None else blocks.to_plain()
+        image = read_isolated("renderer.readers.store:read_store", place, on_disk=True, blocks=chosen, **wanted)
+        assert image.box is not None
+        return crop_image(_with_spacing(image, spec)[0], image.box)
 
 
 def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
@@ -325,25 +361,29 @@ def _load_whole(spec: VolumeSpec, found: Path, form: str, time: int | None) -> I
 
 def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None) -> Image:
     """Return the image in a store or in HDF5: its level, and the voxels of the crop alone. place: a path, or a URL."""
-    free = free_bytes()
-    # A finest level of unknown size is read whole if the system does not say how much memory is free.
-    most_bytes = _SHARE_OF_LEVEL * free if math.isfinite(free) else float(MAX_VOLUME_BYTES)
-    wanted: dict[str, Any] = {
-        "time": time,
-        "component": _component(spec),
-        "dataset": spec.dataset,
-        "level": spec.level,
-        "crop": spec.crop,
-    }
+    wanted = _wanted(spec, time)
     if form == "hdf5":
         wanted["has_spacing_override"] = _has_spacing(spec)
 
     def read() -> Image:
-        return read_isolated(f"renderer.readers.{form}:read_{form}", place, most_bytes=most_bytes, **wanted)
+        return read_isolated(f"renderer.readers.{form}:read_{form}", place, most_bytes=most_level_bytes(), **wanted)
 
     marks = () if isinstance(place, str) else _marks_of_volume(place, form)
     choice = (place if isinstance(place, str) else place.resolve(), *wanted.values())
     return _RECENT_IMAGES.get(ImageRequest(spec.source, choice, marks), read)
+
+
+def _wanted(spec: VolumeSpec, time: int | None) -> dict[str, Any]:
+    """Return the scene's choices of a part of an image, as fields of `Wanted`."""
+    component = _component(spec)
+    return {"time": time, "component": component, "dataset": spec.dataset, "level": spec.level, "crop": spec.crop}
+
+
+def most_level_bytes() -> float:
+    """Return the largest number of bytes that the voxels of a level may take now."""
+    free = free_bytes()
+    # A finest level of unknown size is read whole if the system does not say how much memory is free.
+    return _SHARE_OF_LEVEL * free if math.isfinite(free) else float(MAX_VOLUME_BYTES)
 
 
 def _has_spacing(spec: VolumeSpec) -> bool:

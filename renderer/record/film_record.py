@@ -119,6 +119,23 @@ def read_frame_record(value: object) -> FrameRecord | None:
 
 
 @dataclass(frozen=True)
+class LevelRecord:
+    """A record of the level of a store that was chosen, as the scene of the film named none."""
+
+    number: Annotated[int, types.COUNT, "The number of the level; 0 is the finest."]
+    num_levels: Annotated[int, types.COUNT, "The number of levels of the store."]
+    why: Annotated[str, "Why the level was chosen."]
+    num_bytes: Annotated[int, types.COUNT, "The bytes of its voxels, of one channel and one step in time."]
+    num_measured: Annotated[int, types.COUNT, "The bytes of the finest level that were read to measure coarser ones."]
+    exact: Annotated[bool, "Whether the level is as exact as the scene asked."]
+    asked: Annotated[float | None, types.DECIBELS, "The PSNR that the scene asked for; left out at tolerance 0."] = None
+    psnr: Annotated[
+        float | None, types.DECIBELS, "The PSNR of exact pictures against the finest level; left out if not measured."
+    ] = None
+    least: Annotated[float | None, types.DECIBELS, "The PSNR that counts, with a margin for the few rays."] = None
+
+
+@dataclass(frozen=True)
 class VolumeRecord:
     """A record of the volume that was drawn."""
 
@@ -130,6 +147,7 @@ class VolumeRecord:
         tuple[tuple[float, ...], ...], types.MATRIX, "The matrix from indices of voxels to the world."
     ]
     unit: Annotated[str, "The unit of lengths in the world."] = ""
+    level: Annotated[LevelRecord | None, "The level of a store, if it was chosen."] = None
 
 
 @dataclass(frozen=True)

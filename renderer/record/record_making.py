@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from renderer.record.film_record import (
     CameraRecord,
     FilmRecord,
     FrameRecord,
+    LevelRecord,
     PyramidRecord,
     ScheduleRecord,
     VolumeRecord,
@@ -22,6 +24,7 @@ from renderer.record.film_record import (
 from renderer.record.finished_film import FinishedFilm
 from renderer.record.visibility_records import film_visibility, range_record
 from renderer.scene import (
+    LevelChoice,
     format_value,
     moving_values,
     scene_to_dict,
@@ -65,7 +68,7 @@ def make_film_record(
     stage: the stage of the film. If tolerances were found for a goal, the stage's scene has them.
     devices: the devices that drew the frames. seconds: the time of the whole job.
     """
-    scene, volumes = stage.scene, [layer.volume for layer in stage.layers]
+    scene, volumes = stage.scene, [_volume_record(layer.volume, layer.spec.volume.chosen) for layer in stage.layers]
     levels = [
         finest_level_at(stage.first, frame.tolerance, number) for frame in frames for number in range(len(stage.groups))
     ]
@@ -74,8 +77,8 @@ def make_film_record(
     pyramids = {id(layer.pyramid): layer.pyramid for layer in stage.layers}.values()
     return FilmRecord(
         scene=scene_to_dict(scene),
-        volume=_volume_record(volumes[0]),
-        volumes=tuple(map(_volume_record, volumes)) if len(volumes) > 1 else (),
+        volume=volumes[0],
+        volumes=tuple(volumes) if len(volumes) > 1 else (),
         camera=CameraRecord(tuple(map(float, stage.target)), float(stage.distance)),
         pyramid=PyramidRecord(
             max(each.num_levels for each in pyramids), sum(int(each.num_bytes) for each in pyramids), min(levels)
@@ -91,11 +94,26 @@ def make_film_record(
     )
 
 
-def _volume_record(volume: Volume) -> VolumeRecord:
+def _volume_record(volume: Volume, chosen: LevelChoice | None) -> VolumeRecord:
     shape: Any = tuple(map(int, volume.shape_xyz))
     affine = tuple(map(tuple, volume.world_from_index.tolist()))
     name, dtype = Path(volume.name).name, str(volume.values.dtype)
-    return VolumeRecord(name, volume.fingerprint, dtype, shape, affine, volume.length_unit)
+    level = None if chosen is None else _level_record(chosen)
+    return VolumeRecord(name, volume.fingerprint, dtype, shape, affine, volume.length_unit, level)
+
+
+def _level_record(chosen: LevelChoice) -> LevelRecord:
+    return LevelRecord(
+        chosen.number,
+        chosen.num_levels,
+        chosen.why,
+        chosen.num_bytes,
+        chosen.num_measured,
+        chosen.is_exact,
+        None if math.isinf(chosen.asked) else round(chosen.asked, 2),
+        None if chosen.psnr is None else round(chosen.psnr, 2),
+        None if chosen.least is None else round(chosen.least, 2),
+    )
 
 
 # Notes for the user

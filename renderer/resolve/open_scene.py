@@ -9,6 +9,7 @@ from renderer.errors import Problem
 from renderer.readers import ReadVolume
 from renderer.resolve.open_labels import with_labels, with_numbers
 from renderer.resolve.percentile_values import with_values
+from renderer.resolve.store_levels import with_levels
 from renderer.scene import (
     AnyScene,
     LayerSpec,
@@ -27,14 +28,16 @@ from renderer.suggest import NO_WISH, channel_layers, suggest_in_time, with_own_
 def resolve_scene(scene: AnyScene, read: ReadVolume) -> AnyScene:
     """Return the scene with nothing left open.
 
-    Each `component: all` becomes a list of layers, one for each channel; `time: auto` becomes a motion; labels get
-    numbers and colours; voxels that are colours get a transfer function; percentiles become values.
+    Volumes in stores get the number of a level. Each `component: all` becomes a list of layers, one for each channel;
+    `time: auto` becomes a motion; labels get numbers and colours; voxels that are colours get a transfer function;
+    percentiles become values.
 
     read: reads the voxels of one channel at one step in time. Raises InputError for volumes that cannot be read, or are
     no labels where the scene has labels, and SceneError for labels that no voxel has and for percentiles with the same
     value.
     """
-    return scene.changed(partial(_resolved, read=read))
+    resolve = partial(_resolved, read=read)
+    return with_levels(scene, lambda each: each.changed(resolve)).changed(resolve)
 
 
 def _resolved(scene: Scene, read: ReadVolume) -> Scene:

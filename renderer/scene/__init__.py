@@ -13,6 +13,7 @@ Its field types also check sidecars and golden records. Importing it imports no 
   `layers_section.py` (volumes and their looks, `LayerSpec`), `annotation_section.py` (with the formats of texts) and
   `output_section.py`.
 - `output_formats.py`: the table of all formats of pictures and films.
+- `level_choice.py`: the choice of a level of a store, and its sentence.
 - `volume_files.py`: the file of a volume, or the files of its steps in time; `urls.py`: URLs of stores;
   `file_places.py`: the names of a scene's files, as seen from another folder.
 - `schema.py`: the types of fields, which other rooms use as `schema.number_field(...)`, and the reading of sections

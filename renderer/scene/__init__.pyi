@@ -71,6 +71,7 @@ from .layers_section import (
     SharedKeys as SharedKeys,
     ramp as ramp,
 )
+from .level_choice import LevelChoice as LevelChoice
 from .limits import (
     camera_problems as camera_problems,
     raise_problems as raise_problems,

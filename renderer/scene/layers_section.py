@@ -83,7 +83,7 @@ class LayerSpec:
     def depends_on_voxels(self) -> bool:
         """Return whether the layer's look is known only when its voxels, or those of its mask, have been read."""
         labels, mask = self.transfer_function.labels, self.mask
-        if any(volume.time == "auto" for volume in self.volumes.values()):
+        if any(volume.time == "auto" for volume in self.volumes.values()) or self.volume.has_open_level:
             return True
         is_open = self.volume.component == "all" or self.transfer_function.relative or self.has_open_colors
         has_open_labels = labels is not None and not labels.has_colors

@@ -165,6 +165,12 @@ class FilmScene(ABC):
         return self._sections.splat.footprint != "integrated"
 
     @property
+    def level_notes(self) -> list[str]:
+        """Return sentences on the levels of stores that were chosen, one for each store."""
+        chosen = (layer.volume.chosen for layer in self._sections.layers)
+        return list(dict.fromkeys(each.note for each in chosen if each is not None))
+
+    @property
     def import_notes(self) -> list[str]:
         """Return sentences on the features of imported transfer functions that are not drawn."""
         notes = []

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from renderer.scene import schema
+from renderer.scene.level_choice import LevelChoice
 from renderer.scene.message_text import format_value
 from renderer.scene.motion import Motion, OverFrames, at_keys, is_plain, moving_result
 from renderer.scene.schema import INVALID, TreeNode
@@ -110,9 +111,12 @@ _COMPONENT = schema.word_or(
 _DATASET = schema.text_field(
     "the name of a dataset in an HDF5 or netCDF-4 file, or of an image in a store", "no name", str.strip
 )
+# The ends of the names of archives that may hold a store.
+_ARCHIVES = (".zip", ".ozx")
 # The largest number of a level: at the 31st, the longest axis has one voxel.
 _MAX_LEVEL = 31
-_LEVEL = schema.integer_field(minimum=0, maximum=_MAX_LEVEL)
+_NUMBER_OF_LEVEL = schema.integer_field(minimum=0, maximum=_MAX_LEVEL)
+_LEVEL = schema.word_or({"auto": None}, _NUMBER_OF_LEVEL, f"auto, or {_NUMBER_OF_LEVEL.expected}")
 _RANGE = schema.sequence_field(
     schema.integer_field(minimum=0, maximum=MAX_AXIS),
     "[first, end]: whole numbers with first less than end",
@@ -239,8 +243,10 @@ class VolumeSpec:
     crop: half-open ranges of voxels (first, one past the last) along x, y, z; None for all voxels along an axis.
     interpolate: whether two steps are mixed at a `time` between them; `time` is then a float, and else an int.
     unit: the unit of world lengths, in place of the file's unit.
-    level: the number of a level of a store or of a file with levels, 0 for the finest; None for one that fits into
-        memory. A crop is in voxels of the finest level, and so is the spacing of the source.
+    level: the number of a level of a store or of a file with levels, 0 for the finest; None for the coarsest level of a
+        store that is as exact as the scene asks, and for the finest level of a file that fits into memory.
+        A crop is in voxels of the finest level, and so is the spacing of the source.
+    chosen: the choice that `level` is the result of. It changes no picture.
     """
 
     source: FileSource | UrlSource | RawSource | ProceduralSource | ArraySource
@@ -252,6 +258,17 @@ class VolumeSpec:
     interpolate: bool = False
     unit: Annotated[str | None, _UNIT] = None
     level: Annotated[int | None, _LEVEL] = None
+    chosen: LevelChoice | None = field(default=None, compare=False)
+
+    @property
+    def has_open_level(self) -> bool:
+        """Return whether a level is to be chosen, if the source is a store, as its name or a folder may be."""
+        if self.level is not None:
+            return False
+        if isinstance(self.source, FileSource):
+            is_archive = self.source.file.suffix.lower() in _ARCHIVES
+            return not self.source.steps and (is_archive or self.source.file.is_dir())
+        return isinstance(self.source, UrlSource)
 
     @property
     def has_colors(self) -> bool:
@@ -260,7 +277,7 @@ class VolumeSpec:
 
     def written(self) -> dict[str, object]:
         """Return the section as a scene file has it: first the keys of the source, then all others, with values."""
-        own = {key: value for key, value in vars(self).items() if key != "source"}
+        own = {key: value for key, value in vars(self).items() if key not in ("source", "chosen")}
         own |= {"crop": at_keys(_by_axis, self.crop), "interpolate": self.interpolate or None}
         source = self.source
         return (source.written() if isinstance(source, (FileSource, UrlSource)) else {source.key: source}) | own

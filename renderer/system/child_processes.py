@@ -85,9 +85,12 @@ def _open_standard_descriptors() -> None:
     os.close(descriptor)
 
 
-def open_anonymous_file() -> IO[bytes]:
-    """Open a file without a name, in memory where the system can, else on disk."""
-    if hasattr(os, "memfd_create"):
+def open_anonymous_file(*, on_disk: bool = False) -> IO[bytes]:
+    """Open a file without a name, in memory where the system can, else on disk.
+
+    on_disk: whether it is always in the folder of temporary files, where parts that are not written take no room.
+    """
+    if hasattr(os, "memfd_create") and not on_disk:
         return open(os.memfd_create("hsplat", os.MFD_CLOEXEC), "w+b")
     return tempfile.TemporaryFile(prefix="hsplat-")
 

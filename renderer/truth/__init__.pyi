@@ -3,6 +3,7 @@ from .integrator import (
     Progress as Progress,
     RayIntegrator as RayIntegrator,
     ignore as ignore,
+    index_rays as index_rays,
 )
 from .optics import TrueLayer as TrueLayer
 from .pixel_means import (
@@ -17,7 +18,7 @@ from .scene_rays import SceneRays as SceneRays, chord_lengths as chord_lengths
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .integrator import index_rays as index_rays, rays_through as rays_through
+from .integrator import rays_through as rays_through
 from .kept_parts import keep_parts as keep_parts
 from .optics import optics_of as optics_of
 from .pixel_means import MeanPicture as MeanPicture

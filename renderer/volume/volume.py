@@ -49,6 +49,7 @@ class Volume:
     colors: uint8 [z, y, x, 3], read-only, the colours of voxels that are colours; the values are then their luminance
         or their alpha.
     levels: the levels of the volume's store, from the finest to the coarsest; empty for any other file.
+    finest_share: the finest spacing of the store's finest level, as a share of this level's finest spacing.
     """
 
     values: Array
@@ -72,6 +73,7 @@ class Volume:
     world_axes: str = ""
     value_unit: str = ""
     levels: tuple[VolumeLevel, ...] = ()
+    finest_share: float = 1.0
 
     @property
     def fingerprint(self) -> str:
@@ -131,6 +133,11 @@ class Volume:
     def finest_spacing(self) -> float:
         """Return the smallest spacing, which is the unit length of optical depths."""
         return float(self.spacing.min())
+
+    @property
+    def opacity_unit(self) -> float:
+        """Return the world length that opacities refer to if a scene names none; it is the same for all levels."""
+        return self.finest_share * self.finest_spacing
 
     @property
     def voxel_volume(self) -> float:

@@ -28,6 +28,6 @@ class ThisProcess(Any):
         """Do nothing, as no other process wants to know the file that is read."""
 
 
-def read_here(reader: str, path: Path, **arguments: Any) -> Image:
+def read_here(reader: str, path: Path, *, on_disk: bool = False, **arguments: Any) -> Image:
     """Read an image in this process, with the result that `read_isolated` has from a child process."""
     return call_reader(reader, path, arguments, ThisProcess())

@@ -27,8 +27,8 @@ FOR_TESTS = "# For tests alone: steps and constants that no other room uses.\n"
 ORDER = {
     "renderer": [
         "system", "kernels", "volume", "looks", "scene", "stores", "readers", "statistics", "transfer", "suggest",
-        "resolve", "pyramid", "lighting", "splats", "bricks", "view", "modes", "layers", "draw", "film", "frame",
-        "truth", "accuracy", "annotation", "record", "job",
+        "pyramid", "lighting", "splats", "bricks", "view", "modes", "layers", "draw", "film", "frame",
+        "truth", "accuracy", "resolve", "annotation", "record", "job",
     ],
     "hsplat_cli": [
         "terminal", "scenes", "executors", "reports", "compare", "measure", "turntable", "preview", "commands",
