@@ -21,6 +21,7 @@ from .records import (
     RemovedSet as RemovedSet,
     SearchRules as SearchRules,
     Shading as Shading,
+    TexelRules as TexelRules,
     TransferTable as TransferTable,
     VisibleNodes as VisibleNodes,
     VoxelLighting as VoxelLighting,

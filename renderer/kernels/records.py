@@ -26,6 +26,28 @@ class Voxels(NamedTuple):
     is_labels: bool
 
 
+class TexelRules(NamedTuple):
+    """The rules by which the texels of bricks of level 0 are made (renderer/bricks/texels.py)."""
+
+    voxels: Voxels
+    # The scalar whose texel is 0: the start of the range to which scalars are normalized.
+    first: float
+    # The width of the range of scalars, multiplied by `factor`, as `range_width` returns it.
+    width: float
+    # The factor on scalars, 1 or 1/2, with which their differences do not overflow.
+    factor: float
+    # [3, 3]: the matrix from gradients along the index axes to world axes; its largest entry is 1.
+    world_from_gradient: NDArray[np.float64]
+    # A power of two by which scalars are multiplied for gradients, so that no difference of two scalars overflows.
+    scale: float
+    # The direction (x, y, z), a unit vector, to which the normals of labels are turned a little; zeros to turn none.
+    toward_light: NDArray[np.float64]
+    # [labels]: the opacity of a voxel of each label, by the label's number.
+    opacities: NDArray[np.float64]
+    # Whether gradients follow the scalars of a brick.
+    is_lit: bool
+
+
 class Grid(NamedTuple):
     """A grid of rays into which bricks are drawn, in tiles (renderer/draw/bricks/grid.py)."""
 

@@ -18,6 +18,7 @@ from renderer.kernels.records import (
     ModelView,
     RaySetup,
     SearchRules,
+    TexelRules,
     TransferTable,
     VisibleNodes,
     Voxels,
@@ -326,15 +327,9 @@ class Kernels:
     def fill_scalar_texels(
         self,
         *,
-        voxels: Voxels,
+        rules: TexelRules,
         cells: NDArray[np.int32],
-        first: float,
-        width: float,
-        factor: float,
-        world_from_gradient: NDArray[np.float64],
-        scale: float,
-        toward_light: NDArray[np.float64],
-        opacities: NDArray[np.float64],
+        slots: NDArray[np.int64],
         texels: NDArray[np.float32],
     ) -> None: ...
     def extrapolate_border(

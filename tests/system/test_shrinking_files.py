@@ -51,7 +51,7 @@ def folder(tmp_path: Path) -> Path:
     [
         ("integrated", "volume.make_volume"),
         ("integrated", "building.work"),
-        ("integrated", "texels.scalar_texels"),
+        ("integrated", "texels.fill_scalar_texels"),
         ("gaussian", "cut._join_leaves"),
     ],
 )

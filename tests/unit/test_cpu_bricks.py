@@ -50,9 +50,13 @@ def test_powers_keep_their_digits(exponent: float) -> None:
     assert got[-1] == 1.0
 
 
-def brick(keys: Any) -> Any:
-    """Texels that tell of their key."""
-    return np.broadcast_to(np.asarray(keys, np.float32)[:, None, None, None], (len(keys), *3 * (PADDED_BRICK_SIZE,)))
+def writer(keys: Any) -> Any:
+    """Return a function that writes texels that tell of their key."""
+
+    def write(chosen: Any, slots: Any, texels: Any) -> None:
+        texels[slots] = np.asarray(keys, np.float32)[chosen, None]
+
+    return write
 
 
 def content(atlas: Atlas, keys: Any) -> list[float]:
@@ -64,7 +68,7 @@ def test_bricks_stay_where_they_are_when_there_are_more() -> None:
     """A copy would take memory that nobody reckons with."""
     atlas = Atlas(1, 1000, 1000 * BRICK_BYTES)
     atlas.reserve()
-    atlas.upload(np.arange(10), brick)
+    atlas.upload(np.arange(10), writer(np.arange(10)))
     texels = atlas.texels
     atlas.reserve()
     assert atlas.texels is texels
@@ -82,7 +86,7 @@ def test_bricks_that_were_drawn_longest_ago_go_first() -> None:
     assert Atlas(1, 3, 4 * BRICK_BYTES).max_slots == 3 and Atlas(64, 3, 0).max_slots == 1  # room for less than a brick
     atlas.reserve()
     for keys in map(np.array, ([1, 2], [3, 4], [1], [7, 8])):
-        atlas.upload(keys, lambda missing, keys=keys: brick(keys[missing]))
+        atlas.upload(keys, writer(keys))
     assert [atlas.num_missing(np.array([key])) for key in (1, 2, 3, 4, 7, 8)] == [0, 1, 1, 0, 0, 0]
     assert content(atlas, [8, 1, 7]) == [8, 1, 7]
 
@@ -101,7 +105,7 @@ def test_a_scan_keeps_the_bricks_that_fit(num_slots: int) -> None:
         made.append(0)
         for band in keys.reshape(4, 3):
             made[-1] += atlas.num_missing(band)
-            atlas.upload(band, lambda at, band=band: brick(band[at]), 4 + band // 3)
+            atlas.upload(band, writer(band), 4 + band // 3)
     assert made[0] == 12
     assert sum(made[1:]) == 12 * 12 * (4 - num_slots // 3) // 3
 

@@ -13,22 +13,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from renderer.bricks import (
     BRICK_SIZE,
     MIN_BRICKS_PER_THREAD,
+    NO_LIGHT,
     PADDED_BRICK_SIZE,
     BrickBatch,
     BrickLayer,
     BrickLayers,
     color_texels,
+    fill_scalar_texels,
     mean_texels,
-    scalar_texels,
+    texel_rules,
 )
-from renderer.kernels import RaySetup, ThreadPool
+from renderer.kernels import RaySetup, TexelRules, ThreadPool
 from renderer.transfer import toward_light
 from renderer.view import View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
@@ -39,6 +41,16 @@ _UPLOAD_BATCH = 64
 _READ_BEHIND = 2
 # The number of the next use of a brick for which it is not known: larger than the number of any known use.
 _NEVER = 1 << 62
+
+
+class WriteTexels(Protocol):
+    """A function that writes the texels of bricks to slots of an atlas."""
+
+    def __call__(self, chosen: Int64, slots: Int64, texels: Float32) -> None:
+        """Write the texels of the bricks that are `chosen`, int64 [m], among those that a caller asked for.
+
+        slots: int64 [m], the slot of each brick. texels: float32 [slots, floats], the texels of all slots.
+        """
 
 
 class Atlas:
@@ -93,13 +105,12 @@ class Atlas:
         self._next_use[:] = _NEVER
         self._next_use[slots[slots >= 0]] = next_use[slots >= 0]
 
-    def upload(self, keys: Int64, make_texels: Callable[[Int64], Float32], next_use: Int64 | None = None) -> Int64:
+    def upload(self, keys: Int64, write: WriteTexels, next_use: Int64 | None = None) -> Int64:
         """Upload the missing ones of some bricks, and return the slots of all of these bricks: int64 [n].
 
-        keys: int64 [n], all different; at most as many as there are slots. make_texels: returns the texels of missing
-        bricks, float32 [m, ...], from their indices in `keys`; several threads call it. If it raises, the bricks
-        already written stay in the atlas, and the missing ones remain missing. next_use: int64 [n], the numbers of the
-        bricks' next uses; None if they are not known.
+        keys: int64 [n], all different; at most as many as there are slots. write: writes the texels of missing bricks;
+        several threads call it. If it raises, the bricks already written stay in the atlas, and the missing ones remain
+        missing. next_use: int64 [n], the numbers of the bricks' next uses; None if they are not known.
         """
         self._use_counter += 1
         slots = self._slot_from_key[keys]
@@ -115,7 +126,7 @@ class Atlas:
 
             def add(first: int) -> None:
                 part, into = missing[first : first + num], free[first : first + num]
-                bricks[into] = make_texels(part).reshape(len(part), -1)
+                write(part, into, bricks)
                 self._slot_from_key[keys[part]], self._key_from_slot[into] = into, keys[part]
 
             self._threads.map(add, range(0, len(missing), num))
@@ -271,13 +282,13 @@ class BrickCache:
         next_use: the next uses of these bricks, as in `Atlas.upload`.
         """
         offsets = np.full((len(self.scalars), len(brick_view.order)), -1, np.int64)
-        for layer, (atlas, is_in, make_texels) in enumerate(self._parts(brick_view)):
+        for layer, (atlas, is_in, write) in enumerate(self._parts(brick_view)):
             are_in = is_in[numbers]
             of_atlas, used = numbers[are_in], None if next_use is None else next_use[are_in]
             if not len(of_atlas):
                 continue
             atlas.reserve(len(of_atlas))
-            slots = atlas.upload(brick_view.keys[of_atlas], partial(make_texels, of_atlas), used)
+            slots = atlas.upload(brick_view.keys[of_atlas], partial(write, of_atlas), used)
             offsets[layer % len(offsets), of_atlas] = atlas.texel_offsets(slots)
         return offsets
 
@@ -294,39 +305,52 @@ class BrickCache:
             last = self._brick_view = make_brick_view(batch, order, view)
         return last
 
-    def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]]:
-        """Return the atlases of layers and of means, each with its bricks and a function that makes their texels.
+    def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[..., None]]]:
+        """Return the atlases of layers and of means, each with its bricks and a function that writes their texels.
 
         An atlas's bricks are given as bool [n], over the bricks of the view. The function takes numbers of bricks in
-        the view, and the indices in these numbers of the bricks whose texels it makes.
+        the view, and then what WriteTexels takes.
         """
         layers, is_mean = brick_view.batch.bricks.layers, brick_view.is_mean
         cells = brick_view.batch.cut.cells[brick_view.order]
-        parts: list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]] = []
+        parts: list[tuple[Atlas, Bools, Callable[..., None]]] = []
         for atlas, layer in zip(self.scalars, layers, strict=True):
             is_shown = ~is_mean
             if len(layers) > 1:
                 x, y, z = cells[is_shown].T
                 is_shown[is_shown] = layer.bricks.levels[0].is_visible[z, y, x]
-            parts.append((atlas, is_shown, partial(self._scalar_texels, layer, cells)))
-        return [*parts, (self.means, is_mean, partial(self._mean_texels, brick_view, cells))]
+            parts.append((atlas, is_shown, partial(self._write_voxels, layer, cells)))
+        return [*parts, (self.means, is_mean, partial(self._write_means, brick_view, cells))]
 
-    def _scalar_texels(self, layer: BrickLayer, cells: Int32, among: Int64, chosen: Int64) -> Float32:
-        make = partial(scalar_texels, layer.bricks, lit=layer.shading is not None)
-        if layer.shading is not None and layer.shading.light != "camera":
-            make = partial(make, toward_light=toward_light(layer.shading))
+    def _write_voxels(
+        self, layer: BrickLayer, cells: Int32, among: Int64, chosen: Int64, slots: Int64, texels: Float32
+    ) -> None:
+        """Write the texels of bricks of level 0 of a layer."""
+        of_bricks = cells[among[chosen]]
         if layer.bricks.volume.colors is not None:
-            make = partial(color_texels, layer.bricks.pyramid)
-        return make(cells[among[chosen]])
+            texels[slots] = color_texels(layer.bricks.pyramid, of_bricks).reshape(len(slots), -1)
+        else:
+            fill_scalar_texels(layer.bricks, _rules_of(layer), of_bricks, slots, texels)
 
-    def _mean_texels(self, brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64) -> Float32:
-        """Return the texels of bricks of means: the sum over all layers of weight times mean."""
+    def _write_means(
+        self, brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64, slots: Int64, texels: Float32
+    ) -> None:
+        """Write the texels of bricks of means: the sum over all layers of weight times mean."""
         numbers = among[chosen]
         levels = brick_view.batch.cut.levels[brick_view.order[numbers]]
-        texels = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
+        sums = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
         for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays, which takes time
             at = np.flatnonzero(levels == level)
             for layer in brick_view.batch.bricks.layers:
                 means = mean_texels(layer.bricks, level, cells[numbers[at]])
-                texels[at] += np.float32(layer.weight) * means
-        return texels
+                sums[at] += np.float32(layer.weight) * means
+        texels[slots] = sums.reshape(len(slots), -1)
+
+
+def _rules_of(layer: BrickLayer) -> TexelRules:
+    """Return the rules by which the texels of a layer's bricks of level 0 are made."""
+    shading = layer.shading
+    is_turned = shading is not None and shading.light != "camera"
+    return texel_rules(
+        layer.bricks, lit=shading is not None, toward_light=toward_light(shading) if shading and is_turned else NO_LIGHT
+    )
