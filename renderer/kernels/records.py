@@ -115,16 +115,34 @@ class FieldMask(NamedTuple):
     are_cut: NDArray[np.bool]
 
 
-class Field(NamedTuple):
-    """The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them."""
+class AtlasTexels(NamedTuple):
+    """The texels of bricks in an atlas. Missing texels of bricks of voxels are made when a ray first meets their brick
+    (atlas.h).
+    """
 
     # For each brick of voxels, PADDED_BRICK_SIZE^3 texels; if the layer is lit, PADDED_BRICK_SIZE^3 gradients (x, y, z)
     # follow them. If voxels are colours, each texel is (tau c, tau).
-    scalars: NDArray[np.float32]
+    texels: NDArray[np.float32]
+    # [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing, -2 for one
+    # whose texels are missing. Kernels write the positions of the texels that they make.
+    offsets: NDArray[np.int64]
+    # The rules by which texels are made; None if none are missing.
+    rules: TexelRules | None
+    # [bricks, 3]: the place (x, y, z) of each brick, in widths of a brick.
+    cells: NDArray[np.int32]
+    # [n]: the positions in `texels` for missing bricks, at least one for each. They are taken in this order.
+    free: NDArray[np.int64]
+    # [1]: the number of positions of `free` that are taken.
+    num_taken: NDArray[np.int64]
+
+
+class Field(NamedTuple):
+    """The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them."""
+
+    # The texels of bricks of voxels, and the offsets of all bricks, each in its atlas.
+    voxels: AtlasTexels
     # For each brick of means, PADDED_BRICK_SIZE^3 texels (tau c, tau).
     means: NDArray[np.float32]
-    # [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing.
-    texel_offsets: NDArray[np.int64]
     pieces: PiecewiseTransfer
     # A factor on the layer's extinction.
     weight: float

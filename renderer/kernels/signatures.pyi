@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.records import (
+    AtlasTexels,
     Classifier,
     Grid,
     IndexRays,
@@ -162,9 +163,8 @@ class DrawExtremes(Protocol):
         grid: Grid,
         rays: RaySetup,
         boxes: NDArray[np.float64],
-        texel_offsets: NDArray[np.int64],
         tops: NDArray[np.float64],
-        scalars: NDArray[np.float32],
+        voxels: AtlasTexels,
         rules: SearchRules,
     ) -> DrawExtremesCall: ...
 

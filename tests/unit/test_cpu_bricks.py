@@ -60,15 +60,21 @@ def writer(keys: Any) -> Any:
 
 
 def content(atlas: Atlas, keys: Any) -> list[float]:
-    slots = atlas.upload(np.asarray(keys), pytest.fail)
-    return [float(atlas.texels[first]) for first in atlas.texel_offsets(slots)]
+    with atlas.placed(np.asarray(keys)) as placed:
+        return [float(atlas.texels[first]) for first in placed.offsets]
+
+
+def upload(atlas: Atlas, keys: Any, next_use: Any = None) -> None:
+    """Make the missing ones of some bricks."""
+    with atlas.placed(keys, next_use) as placed:
+        atlas.fill(placed, writer(keys))
 
 
 def test_bricks_stay_where_they_are_when_there_are_more() -> None:
     """A copy would take memory that nobody reckons with."""
     atlas = Atlas(1, 1000, 1000 * BRICK_BYTES)
     atlas.reserve()
-    atlas.upload(np.arange(10), writer(np.arange(10)))
+    upload(atlas, np.arange(10))
     texels = atlas.texels
     atlas.reserve()
     assert atlas.texels is texels
@@ -86,7 +92,7 @@ def test_bricks_that_were_drawn_longest_ago_go_first() -> None:
     assert Atlas(1, 3, 4 * BRICK_BYTES).max_slots == 3 and Atlas(64, 3, 0).max_slots == 1  # room for less than a brick
     atlas.reserve()
     for keys in map(np.array, ([1, 2], [3, 4], [1], [7, 8])):
-        atlas.upload(keys, writer(keys))
+        upload(atlas, keys)
     assert [atlas.num_missing(np.array([key])) for key in (1, 2, 3, 4, 7, 8)] == [0, 1, 1, 0, 0, 0]
     assert content(atlas, [8, 1, 7]) == [8, 1, 7]
 
@@ -105,7 +111,7 @@ def test_a_scan_keeps_the_bricks_that_fit(num_slots: int) -> None:
         made.append(0)
         for band in keys.reshape(4, 3):
             made[-1] += atlas.num_missing(band)
-            atlas.upload(band, writer(band), 4 + band // 3)
+            upload(atlas, band, 4 + band // 3)
     assert made[0] == 12
     assert sum(made[1:]) == 12 * 12 * (4 - num_slots // 3) // 3
 

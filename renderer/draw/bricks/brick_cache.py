@@ -11,7 +11,8 @@ recently used brick were evicted instead, each brick would be evicted just befor
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import NamedTuple, Protocol
 
@@ -30,7 +31,7 @@ from renderer.bricks import (
     mean_texels,
     texel_rules,
 )
-from renderer.kernels import RaySetup, TexelRules, ThreadPool
+from renderer.kernels import AtlasTexels, RaySetup, TexelRules, ThreadPool
 from renderer.transfer import toward_light
 from renderer.view import View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
@@ -39,6 +40,8 @@ from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 _UPLOAD_BATCH = 64
 # The number of floats of padding behind the last texel: kernels load whole rows and may read so far beyond it.
 _READ_BEHIND = 2
+# The offset of a brick whose texels are missing, as in `atlas.h`.
+MISSING = -2
 # The number of the next use of a brick for which it is not known: larger than the number of any known use.
 _NEVER = 1 << 62
 
@@ -51,6 +54,18 @@ class WriteTexels(Protocol):
 
         slots: int64 [m], the slot of each brick. texels: float32 [slots, floats], the texels of all slots.
         """
+
+
+class Placed(NamedTuple):
+    """The places of bricks in an atlas.
+
+    offsets: int64 [n], the position of each brick's first texel, or MISSING. Who makes missing texels writes their
+        positions here.
+    free: int64 [m], the positions for missing texels, in the order in which they are to be taken.
+    """
+
+    offsets: Int64
+    free: Int64
 
 
 class Atlas:
@@ -74,10 +89,6 @@ class Atlas:
         # number is evicted.
         self._last_used = np.empty(0, np.int64)
         self._use_counter = 0
-
-    def texel_offsets(self, slots: Int64) -> Int64:
-        """Return the position of the first texel of the brick in each slot, halo included: int64 [n]."""
-        return slots * self._brick_floats
 
     def reserve(self, num: int = 0) -> None:
         """Make `max_slots` slots, or `num` if that is more; bricks are lost if slots are made. Unused slots take no
@@ -105,34 +116,52 @@ class Atlas:
         self._next_use[:] = _NEVER
         self._next_use[slots[slots >= 0]] = next_use[slots >= 0]
 
-    def upload(self, keys: Int64, write: WriteTexels, next_use: Int64 | None = None) -> Int64:
-        """Upload the missing ones of some bricks, and return the slots of all of these bricks: int64 [n].
+    @contextmanager
+    def placed(self, keys: Int64, next_use: Int64 | None = None) -> Iterator[Placed]:
+        """Give places to some bricks while they are drawn. Bricks that have a place in the end stay in the atlas.
 
-        keys: int64 [n], all different; at most as many as there are slots. write: writes the texels of missing bricks;
-        several threads call it. If it raises, the bricks already written stay in the atlas, and the missing ones remain
-        missing. next_use: int64 [n], the numbers of the bricks' next uses; None if they are not known.
+        keys: int64 [n], all different; at most as many as there are slots. next_use: int64 [n], the numbers of the
+        bricks' next uses; None if they are not known. If the block raises, the missing bricks remain missing.
         """
         self._use_counter += 1
         slots = self._slot_from_key[keys]
-        missing = np.flatnonzero(slots < 0)
-        self._next_use[slots[slots >= 0]] = -1  # so that none of these bricks is evicted
-        if len(missing):
-            free = np.lexsort((self._last_used, -self._next_use))[: len(missing)]
-            evicted = self._key_from_slot[free]
-            self._slot_from_key[evicted[evicted >= 0]] = -1
-            self._key_from_slot[free] = -1
-            bricks = self.texels[:-_READ_BEHIND].reshape(-1, self._brick_floats)
-            num = max(MIN_BRICKS_PER_THREAD, min(-(-len(missing) // self._threads.num), _UPLOAD_BATCH))
+        num_missing = int(np.count_nonzero(slots < 0))
+        free = np.empty(0, np.int64)
+        if num_missing:
+            self._next_use[slots[slots >= 0]] = -1  # so that none of these bricks is evicted
+            free = np.lexsort((self._last_used, -self._next_use))[:num_missing]
+        found = Placed(np.where(slots < 0, MISSING, slots * self._brick_floats), free * self._brick_floats)
+        try:
+            yield found
+        except BaseException:
+            self._evict(free)
+            raise
+        has_place = found.offsets >= 0
+        into, kept = found.offsets[has_place] // self._brick_floats, keys[has_place]
+        self._evict(into[self._key_from_slot[into] != kept])
+        self._slot_from_key[kept], self._key_from_slot[into] = into, kept
+        self._last_used[into] = self._use_counter
+        self._next_use[into] = _NEVER if next_use is None else next_use[has_place]
 
-            def add(first: int) -> None:
-                part, into = missing[first : first + num], free[first : first + num]
-                write(part, into, bricks)
-                self._slot_from_key[keys[part]], self._key_from_slot[into] = into, keys[part]
+    def fill(self, placed: Placed, write: WriteTexels) -> None:
+        """Make all missing texels of bricks, on several threads, in the first free places."""
+        missing = np.flatnonzero(placed.offsets == MISSING)
+        free = placed.free[: len(missing)]
+        bricks = self.texels[:-_READ_BEHIND].reshape(-1, self._brick_floats)
+        num = max(MIN_BRICKS_PER_THREAD, min(-(-len(missing) // self._threads.num), _UPLOAD_BATCH))
 
-            self._threads.map(add, range(0, len(missing), num))
-        slots = self._slot_from_key[keys]
-        self._last_used[slots], self._next_use[slots] = self._use_counter, _NEVER if next_use is None else next_use
-        return slots
+        def add(first: int) -> None:
+            part = slice(first, first + num)
+            write(missing[part], free[part] // self._brick_floats, bricks)
+
+        self._threads.map(add, range(0, len(missing), num))
+        placed.offsets[missing] = free
+
+    def _evict(self, slots: Int64) -> None:
+        """Make slots free."""
+        evicted = self._key_from_slot[slots]
+        self._slot_from_key[evicted[evicted >= 0]] = -1
+        self._key_from_slot[slots] = -1
 
     def _resize(self, num: int) -> None:
         """Make room for `num` slots, all of them free."""
@@ -243,7 +272,9 @@ class BrickCache:
         ]
         self.means = Atlas(4, sum(nums), num_bytes[-1], threads)
         self.num_bytes = num_bytes
+        self._rules = [None if layer.bricks.volume.colors is not None else _rules_of(layer) for layer in bricks.layers]
         self._brick_view: BrickView | None = None  # the last view, kept because `upload` and drawing both need it
+        self._parts: list[_AtlasPart] = []  # of this view
 
     def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:
         """Upload the bricks `batch[order]`, and return whether any of them was missing.
@@ -251,12 +282,12 @@ class BrickCache:
         Do nothing if there are not enough slots: bricks are then uploaded while the picture is drawn.
         """
         brick_view = self._prepare(batch, order, view)
-        keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen, _ in self._parts(brick_view)]
+        keys = [(part.atlas, brick_view.keys[part.is_in]) for part in self._parts]
         has_room = all(len(of_atlas) <= atlas.max_slots for atlas, of_atlas in keys)
         if not has_room or not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
-        self.upload_bricks(brick_view, np.arange(len(order)))
-        return True
+        with self.placed(brick_view, np.arange(len(order)), makes_all=True):
+            return True
 
     def begin_frame(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         """Return the view of the bricks `batch[order]` for a frame, front to back."""
@@ -264,33 +295,52 @@ class BrickCache:
 
     def plan(self, brick_view: BrickView, next_use: Int64) -> None:
         """Note when the next picture uses each brick of the view. next_use: int64 [n], the first band; -1 for none."""
-        for atlas, is_in, _ in self._parts(brick_view):
-            is_used = is_in & (next_use >= 0)
-            atlas.plan(brick_view.keys[is_used], next_use[is_used])
+        for part in self._parts_of(brick_view):
+            is_used = part.is_in & (next_use >= 0)
+            part.atlas.plan(brick_view.keys[is_used], next_use[is_used])
 
     def have_slots(self, brick_view: BrickView, numbers: Int64, times: int) -> bool:
         """Return whether there are slots for `times` as many bricks as `numbers` has: numbers of bricks in the view."""
-        parts = self._parts(brick_view)
-        return all(times * np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in parts)
+        parts = self._parts_of(brick_view)
+        return all(times * np.count_nonzero(part.is_in[numbers]) <= part.atlas.max_slots for part in parts)
 
-    def upload_bricks(self, brick_view: BrickView, numbers: Int64, next_use: Int64 | None = None) -> Int64:
-        """Upload the bricks with these numbers in the view, and return where their texels begin: int64 [layers, n].
+    @contextmanager
+    def placed(
+        self, brick_view: BrickView, numbers: Int64, next_use: Int64 | None = None, *, makes_all: bool = False
+    ) -> Iterator[list[AtlasTexels]]:
+        """Give places to the bricks with these numbers in the view while they are drawn; return the texels of layers.
 
-        Returns positions in the atlas of each layer, for all bricks of the view: -1 for a brick that was not asked for,
-        or in which the layer shows nothing. A brick of means has its position, in the atlas of means, in the first row.
+        Means and colours are made now. Kernels make the scalars of a brick when a ray meets it, or all are made now.
+        The texels of a layer have the offsets of all bricks of the view: -1 for a brick that was not asked for, or in
+        which the layer shows nothing. A brick of means has its offset, in the atlas of means, in the first layer.
 
-        next_use: the next uses of these bricks, as in `Atlas.upload`.
+        next_use: the next uses of these bricks, as in `Atlas.placed`. makes_all: whether to make all texels now.
         """
+        parts = self._parts_of(brick_view)
         offsets = np.full((len(self.scalars), len(brick_view.order)), -1, np.int64)
-        for layer, (atlas, is_in, write) in enumerate(self._parts(brick_view)):
-            are_in = is_in[numbers]
-            of_atlas, used = numbers[are_in], None if next_use is None else next_use[are_in]
-            if not len(of_atlas):
-                continue
-            atlas.reserve(len(of_atlas))
-            slots = atlas.upload(brick_view.keys[of_atlas], partial(write, of_atlas), used)
-            offsets[layer % len(offsets), of_atlas] = atlas.texel_offsets(slots)
-        return offsets
+        free, places = [np.empty(0, np.int64) for _ in offsets], list[tuple[Placed, Int64, Int64]]()
+        with ExitStack() as stack:
+            for layer, part in enumerate(parts):
+                are_in, row = part.is_in[numbers], offsets[layer % len(offsets)]
+                of_atlas, used = numbers[are_in], None if next_use is None else next_use[are_in]
+                if not len(of_atlas):
+                    continue
+                part.atlas.reserve(len(of_atlas))
+                placed = stack.enter_context(part.atlas.placed(brick_view.keys[of_atlas], used))
+                if makes_all or part.rules is None:
+                    part.atlas.fill(placed, partial(part.write, of_atlas))
+                else:
+                    free[layer] = placed.free
+                row[of_atlas] = placed.offsets
+                places.append((placed, row, of_atlas))
+            volumes = [part.layer.bricks.volume for part, of_part in zip(parts, free, strict=False) if len(of_part)]
+            for volume in volumes:
+                volume.require_unchanged()
+            yield [part.texels(*each) for part, *each in zip(parts, offsets, free, strict=False)]
+            for volume in volumes:
+                volume.require_unchanged()
+            for placed, row, of_atlas in places:
+                placed.offsets[:] = row[of_atlas]
 
     def release(self) -> None:
         """Free the memory of all bricks."""
@@ -303,48 +353,81 @@ class BrickCache:
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)
+            self._parts = self._make_parts(last)
         return last
 
-    def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[..., None]]]:
-        """Return the atlases of layers and of means, each with its bricks and a function that writes their texels.
+    def _parts_of(self, brick_view: BrickView) -> list[_AtlasPart]:
+        """Return the bricks of a view in each atlas."""
+        return self._parts if brick_view is self._brick_view else self._make_parts(brick_view)
 
-        An atlas's bricks are given as bool [n], over the bricks of the view. The function takes numbers of bricks in
-        the view, and then what WriteTexels takes.
-        """
+    def _make_parts(self, brick_view: BrickView) -> list[_AtlasPart]:
         layers, is_mean = brick_view.batch.bricks.layers, brick_view.is_mean
-        cells = brick_view.batch.cut.cells[brick_view.order]
-        parts: list[tuple[Atlas, Bools, Callable[..., None]]] = []
-        for atlas, layer in zip(self.scalars, layers, strict=True):
+        cells = np.ascontiguousarray(brick_view.batch.cut.cells[brick_view.order])
+        parts = list[_AtlasPart]()
+        for atlas, layer, rules in zip(self.scalars, layers, self._rules, strict=True):
             is_shown = ~is_mean
             if len(layers) > 1:
                 x, y, z = cells[is_shown].T
                 is_shown[is_shown] = layer.bricks.levels[0].is_visible[z, y, x]
-            parts.append((atlas, is_shown, partial(self._write_voxels, layer, cells)))
-        return [*parts, (self.means, is_mean, partial(self._write_means, brick_view, cells))]
+            write = partial(_write_voxels, layer, rules, cells)
+            parts.append(_AtlasPart(atlas, is_shown, cells, layer, rules, write))
+        return [
+            *parts,
+            _AtlasPart(self.means, is_mean, cells, layers[0], None, partial(_write_means, brick_view, cells)),
+        ]
 
-    def _write_voxels(
-        self, layer: BrickLayer, cells: Int32, among: Int64, chosen: Int64, slots: Int64, texels: Float32
-    ) -> None:
-        """Write the texels of bricks of level 0 of a layer."""
-        of_bricks = cells[among[chosen]]
-        if layer.bricks.volume.colors is not None:
-            texels[slots] = color_texels(layer.bricks.pyramid, of_bricks).reshape(len(slots), -1)
-        else:
-            fill_scalar_texels(layer.bricks, _rules_of(layer), of_bricks, slots, texels)
 
-    def _write_means(
-        self, brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64, slots: Int64, texels: Float32
-    ) -> None:
-        """Write the texels of bricks of means: the sum over all layers of weight times mean."""
-        numbers = among[chosen]
-        levels = brick_view.batch.cut.levels[brick_view.order[numbers]]
-        sums = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
-        for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays, which takes time
-            at = np.flatnonzero(levels == level)
-            for layer in brick_view.batch.bricks.layers:
-                means = mean_texels(layer.bricks, level, cells[numbers[at]])
-                sums[at] += np.float32(layer.weight) * means
-        texels[slots] = sums.reshape(len(slots), -1)
+class _AtlasPart(NamedTuple):
+    """The bricks of a view in one atlas.
+
+    is_in: bool [n], which bricks of the view the atlas is for. cells: int32 [n, 3], the places of all bricks.
+    layer: the layer of an atlas of scalars. rules: the rules by which kernels make its texels; None if they do not.
+    write: a function that takes numbers of bricks in the view, and then what WriteTexels takes.
+    """
+
+    atlas: Atlas
+    is_in: Bools
+    cells: Int32
+    layer: BrickLayer
+    rules: TexelRules | None
+    write: Callable[[Int64, Int64, Int64, Float32], None]
+
+    def texels(self, offsets: Int64, free: Int64) -> AtlasTexels:
+        """Return the texels as kernels take them. offsets, free: as in the record AtlasTexels."""
+        rules = self.rules if len(free) else None
+        return AtlasTexels(self.atlas.texels, offsets, rules, self.cells, free, np.zeros(1, np.int64))
+
+
+def _write_voxels(
+    layer: BrickLayer,
+    rules: TexelRules | None,
+    cells: Int32,
+    among: Int64,
+    chosen: Int64,
+    slots: Int64,
+    texels: Float32,
+) -> None:
+    """Write the texels of bricks of level 0 of a layer. rules: None if voxels are colours."""
+    of_bricks = cells[among[chosen]]
+    if rules is None:
+        texels[slots] = color_texels(layer.bricks.pyramid, of_bricks).reshape(len(slots), -1)
+    else:
+        fill_scalar_texels(layer.bricks, rules, of_bricks, slots, texels)
+
+
+def _write_means(
+    brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64, slots: Int64, texels: Float32
+) -> None:
+    """Write the texels of bricks of means: the sum over all layers of weight times mean."""
+    numbers = among[chosen]
+    levels = brick_view.batch.cut.levels[brick_view.order[numbers]]
+    sums = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
+    for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays, which takes time
+        at = np.flatnonzero(levels == level)
+        for layer in brick_view.batch.bricks.layers:
+            means = mean_texels(layer.bricks, level, cells[numbers[at]])
+            sums[at] += np.float32(layer.weight) * means
+    texels[slots] = sums.reshape(len(slots), -1)
 
 
 def _rules_of(layer: BrickLayer) -> TexelRules:

@@ -1,5 +1,6 @@
 // Sample the fields of layers in a brick, and classify and light the samples. Each lane has a sample of its own.
 #pragma once
+#include "draw/atlas.h"
 #include "draw/faces.h"
 #include "draw/mask.h"
 
@@ -128,6 +129,8 @@ struct ShownLayers {
     int64_t num;
     // Whether the texels of the brick are means over all layers.
     bool is_mean;
+    // Memory in which missing texels are made.
+    double* memory;
 
     // Return whether the texels of a layer are (tau c, tau): means, or voxels that are colours.
     INLINE bool has_means(int64_t number) const { return is_mean || fields[number]->has_colors; }
@@ -137,15 +140,27 @@ struct ShownLayers {
     INLINE void choose(int64_t brick) {
         is_mean = bricks->is_mean[brick], num = 0;
         for (int64_t number = 0; number < (is_mean ? 1 : bricks->fields.shape[0]); number++) {
-            if (bricks->fields[number].texel_offsets[brick] < 0) continue;
+            if (offset_of(bricks->fields[number].voxels, brick) == NOTHING) continue;
             fields[num] = &bricks->fields[number], of_fields[num] = &tables[number];
             num++;
         }
     }
 
+    // Return whether the texels of a layer in a brick are there.
+    INLINE bool has_texels(int64_t number, int64_t brick) const {
+        return offset_of(fields[number]->voxels, brick) > NOTHING;
+    }
+
+    // Make the texels of a brick that are missing.
+    INLINE void make_missing_texels(int64_t brick) const {
+        for (int64_t number = 0; number < num; number++) make_missing(fields[number]->voxels, brick, memory);
+    }
+
+    // Return the texels of a brick, and those after them. The brick must not miss any.
     INLINE Texels texels(int64_t number, int64_t brick) const {
         const Field& field = *fields[number];
-        return rest_of(is_mean ? field.means : field.scalars, field.texel_offsets[brick]);
+        const Texels of_voxels = {field.voxels.texels.data, {field.voxels.texels.shape[0]}};
+        return rest_of(is_mean ? field.means : of_voxels, field.voxels.offsets[brick]);
     }
 
     // Return the factor from a sample's extinction to the extinction per model unit.
@@ -186,26 +201,37 @@ struct ShownGroups {
     Buffer<LaneTable> tables;
     Buffer<const Field*> fields;
     Buffer<const LaneTable*> of_fields;
+    Buffer<double> scratch;
     Buffer<ShownLayers> groups;
 
     explicit ShownGroups(const Array<const LayerBricks, 1>& all)
-        : tables(num_fields(all)), fields(tables.shape[0]), of_fields(tables.shape[0]), groups(all.shape[0]) {
+        : tables(num_fields(all)), fields(tables.shape[0]), of_fields(tables.shape[0]), scratch(largest_scratch(all)),
+          groups(all.shape[0]) {
         if (!*this) return;
         int64_t first = 0;
         for (int64_t number = 0; number < all.shape[0]; number++) {
             const auto& layers = all[number].fields;
-            groups[number] = {&all[number], &tables.data[first], &fields.data[first], &of_fields.data[first], 0, false};
+            groups[number] = {&all[number], &tables.data[first], &fields.data[first], &of_fields.data[first], 0, false,
+                              scratch.data};
             for (int64_t k = 0; k < layers.shape[0]; k++) tables[first + k] = LaneTable(layers[k].pieces);
             first += layers.shape[0];
         }
     }
 
-    explicit operator bool() const { return tables && fields && of_fields && groups; }
+    explicit operator bool() const { return tables && fields && of_fields && scratch && groups; }
 
     static int64_t num_fields(const Array<const LayerBricks, 1>& all) {
         int64_t num = 0;
         for (int64_t number = 0; number < all.shape[0]; number++) num += all[number].fields.shape[0];
         return num;
+    }
+
+    static int64_t largest_scratch(const Array<const LayerBricks, 1>& all) {
+        int64_t size = 0;
+        for (int64_t number = 0; number < all.shape[0]; number++)
+            for (int64_t k = 0; k < all[number].fields.shape[0]; k++)
+                size = most(size, scratch_size(all[number].fields[k].voxels));
+        return size;
     }
 };
 
@@ -254,10 +280,12 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
 // Return whether the arrays of a field are large enough: for the texels of all bricks, for a piece of the transfer function
 // for each scalar, and for all cells of the light grid.
 inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean) {
-    if (!match(field.texel_offsets, is_mean)) return false;
+    if (!match(field.voxels.offsets, is_mean) || !can_be_made(field.voxels)) return false;
     for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
-        int64_t size = (is_mean[brick] ? field.means : field.scalars).shape[0], offset = field.texel_offsets[brick];
-        if (offset < 0) continue;  // the field shows nothing in this brick
+        int64_t size = is_mean[brick] ? field.means.shape[0] : field.voxels.texels.shape[0];
+        int64_t offset = offset_of(field.voxels, brick);
+        if (offset < NOTHING && is_mean[brick]) return false;
+        if (offset < 0) continue;  // the field shows nothing in this brick, or misses its texels
         bool has_channels = is_mean[brick] || field.has_colors || field.light.exists || field.is_lit;
         int64_t num = (has_channels ? 4 : 1) * TEXELS_PER_BRICK + (has_channels || field.is_labels) * READ_BEHIND;
         if (offset > size - num) return false;
