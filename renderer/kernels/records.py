@@ -130,10 +130,12 @@ class AtlasTexels(NamedTuple):
     rules: TexelRules | None
     # [bricks, 3]: the place (x, y, z) of each brick, in widths of a brick.
     cells: NDArray[np.int32]
-    # [n]: the positions in `texels` for missing bricks, at least one for each. They are taken in this order.
+    # [n]: the positions in `texels` for missing bricks, which are taken in this order. There may be fewer than bricks.
     free: NDArray[np.int64]
-    # [1]: the number of positions of `free` that are taken.
+    # [1]: the number of positions of `free` that are taken; more than there are if a brick found none.
     num_taken: NDArray[np.int64]
+    # [bricks]: whether a ray has met each brick. Kernels set it.
+    are_met: NDArray[np.bool]
 
 
 class Field(NamedTuple):

@@ -13,6 +13,7 @@ from texel_wall import drawn
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import Atlas, BrickRasterizer, brick_bytes, plan_bands, share_memory, share_out
 from renderer.kernels import Light, Shading
+from renderer.system import MemoryShare
 from renderer.transfer import NO_LIGHT_GRID
 
 BRICK_BYTES = brick_bytes(1)
@@ -165,3 +166,42 @@ def test_threads_end_with_the_rasterizer() -> None:
         rasterizer.rasterize([batch], [ordered(batch.cut, view)], view)
         assert threading.active_count() > before
     assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("num_threads", [1, 3])
+@pytest.mark.parametrize("share", [0.0, 0.1, 1.0])
+def test_bricks_behind_what_is_opaque_are_not_made(num_threads: int, share: float) -> None:
+    """Only bricks that a ray meets take slots, also if these are few; the picture does not depend on their number."""
+    volume = placed(np.ones((96, 96, 96), np.float32))
+    bricks = bricks_of(volume, transfer_of((0, (0.9, 0.2, 0.1), 0.999), (1, (0.1, 0.5, 1.0), 0.999)))
+    batch, view = batch_of(level_cut(bricks, 0), bricks), view_of(volume, "perspective", (60, 60))
+    order = ordered(batch.cut, view)
+    memory = MemoryShare(int(share * len(order) * BRICK_BYTES))
+    with BrickRasterizer(num_threads=num_threads, memory=memory) as rasterizer, BrickRasterizer() as other:
+        for _ in range(3):
+            image = rasterizer.rasterize([batch], [order], view)
+        (atlas,) = rasterizer.caches[id(batch.bricks)].scalars
+        num_made = len(order) - atlas.num_missing(np.arange(len(order)))
+        assert 0 < num_made <= min(len(order) // 2, atlas.max_slots)
+        other.upload([batch], [order], view)
+        assert image.tobytes() == other.rasterize([batch], [order], view).tobytes()
+
+
+def test_bricks_that_rays_met_last_stay() -> None:
+    atlas = Atlas(1, 10, 3 * BRICK_BYTES)
+    atlas.reserve()
+
+    def draw(*met: int) -> None:
+        """Draw a picture whose rays meet these bricks."""
+        keys = np.arange(10)
+        atlas.begin_picture()
+        with atlas.offered(keys) as found:
+            free = iter(found.free.tolist())
+            for key in met:
+                found.are_met[key] = True
+                if found.offsets[key] < 0:
+                    found.offsets[key] = next(free, -2)
+
+    for met, kept in (([0, 1, 2, 3], [0, 1, 2]), ([2, 4], [0, 1, 2]), ([2, 5], [2, 5]), ([2, 5, 7], [2, 5, 7])):
+        draw(*met)
+        assert [key for key in range(10) if not atlas.num_missing(np.array([key]))] == kept

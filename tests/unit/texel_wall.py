@@ -57,6 +57,7 @@ def drawn(
             cells=np.zeros((num_bricks, 3), np.int32),
             free=np.empty(0, np.int64),
             num_taken=np.zeros(1, np.int64),
+            are_met=np.zeros(num_bricks, np.bool_),
         ),
         means=np.empty(0, np.float32),
         pieces=pieces,

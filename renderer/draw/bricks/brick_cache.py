@@ -1,26 +1,17 @@
-"""Keep the texels of bricks in slots of atlases, and evict the bricks whose next use is farthest away.
-
-Each atlas has a fixed share of memory. The size of a volume is no limit: with less memory, bricks are made more often.
-One atlas holds the scalars of level 0, another the means of the levels above.
-
-L. A. Belady, "A study of replacement algorithms for a virtual-storage computer", IBM Systems Journal 5 (1966): no other
-order of eviction has to make fewer bricks again. A picture is drawn in bands that are known beforehand, and the next
-picture is assumed to have the same bands. If not all bricks fit, as many stay as there is room for. If the least
-recently used brick were evicted instead, each brick would be evicted just before it is needed.
-"""
+"""Keep the bricks of layers in atlases: one for each layer's scalars of level 0, and one for the means of the levels
+above."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from renderer.bricks import (
     BRICK_SIZE,
-    MIN_BRICKS_PER_THREAD,
     NO_LIGHT,
     PADDED_BRICK_SIZE,
     BrickBatch,
@@ -31,148 +22,11 @@ from renderer.bricks import (
     mean_texels,
     texel_rules,
 )
+from renderer.draw.bricks.atlas import Atlas, brick_bytes
 from renderer.kernels import AtlasTexels, RaySetup, TexelRules, ThreadPool
 from renderer.transfer import toward_light
 from renderer.view import View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
-
-# A thread makes the texels of at most this many bricks before it writes them to the atlas.
-_UPLOAD_BATCH = 64
-# The number of floats of padding behind the last texel: kernels load whole rows and may read so far beyond it.
-_READ_BEHIND = 2
-# The offset of a brick whose texels are missing, as in `atlas.h`.
-MISSING = -2
-# The number of the next use of a brick for which it is not known: larger than the number of any known use.
-_NEVER = 1 << 62
-
-
-class WriteTexels(Protocol):
-    """A function that writes the texels of bricks to slots of an atlas."""
-
-    def __call__(self, chosen: Int64, slots: Int64, texels: Float32) -> None:
-        """Write the texels of the bricks that are `chosen`, int64 [m], among those that a caller asked for.
-
-        slots: int64 [m], the slot of each brick. texels: float32 [slots, floats], the texels of all slots.
-        """
-
-
-class Placed(NamedTuple):
-    """The places of bricks in an atlas.
-
-    offsets: int64 [n], the position of each brick's first texel, or MISSING. Who makes missing texels writes their
-        positions here.
-    free: int64 [m], the positions for missing texels, in the order in which they are to be taken.
-    """
-
-    offsets: Int64
-    free: Int64
-
-
-class Atlas:
-    """A store of bricks of one kind, each in a slot. The caller gives each brick a key, from 0 to `num_keys` - 1.
-
-    num_channels: the float32 numbers of a texel, 1 or 4. max_slots: the most bricks that the atlas holds, at least 1.
-    num_bytes: the memory that the atlas may take.
-    threads: the threads that make texels and write them; None for the calling thread.
-    texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels], brick after brick.
-    """
-
-    def __init__(self, num_channels: int, num_keys: int, num_bytes: int, threads: ThreadPool | None = None) -> None:
-        self._threads, self._brick_floats = threads or ThreadPool(), PADDED_BRICK_SIZE**3 * num_channels
-        fitting = max(1, num_bytes // brick_bytes(num_channels))
-        self.num_channels, self.max_slots = num_channels, min(num_keys, fitting)
-        self.texels = np.empty(0, np.float32)
-        self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1 for a brick that is not in the atlas
-        self._key_from_slot = np.empty(0, np.int64)  # -1 for a free slot
-        self._next_use = np.empty(0, np.int64)
-        # The number of the upload that last used each slot. Of bricks without a known next use, the one with the lowest
-        # number is evicted.
-        self._last_used = np.empty(0, np.int64)
-        self._use_counter = 0
-
-    def reserve(self, num: int = 0) -> None:
-        """Make `max_slots` slots, or `num` if that is more; bricks are lost if slots are made. Unused slots take no
-        memory."""
-        if not len(self.texels) or num > self.max_slots:
-            self.max_slots = max(num, self.max_slots)
-            self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
-            self._resize(self.max_slots)
-
-    def release(self) -> None:
-        """Free the memory of the atlas."""
-        self.texels = np.empty(0, np.float32)
-        self._resize(0)
-
-    def num_missing(self, keys: Int64) -> int:
-        """Return how many of these bricks are not in the atlas."""
-        return int(np.count_nonzero(self._slot_from_key[keys] < 0))
-
-    def plan(self, keys: Int64, next_use: Int64) -> None:
-        """Note when the bricks of `keys` are used next. All other bricks of the atlas count as not used any more.
-
-        next_use: int64 [n], numbers of bands, which ascend in time.
-        """
-        slots = self._slot_from_key[keys]
-        self._next_use[:] = _NEVER
-        self._next_use[slots[slots >= 0]] = next_use[slots >= 0]
-
-    @contextmanager
-    def placed(self, keys: Int64, next_use: Int64 | None = None) -> Iterator[Placed]:
-        """Give places to some bricks while they are drawn. Bricks that have a place in the end stay in the atlas.
-
-        keys: int64 [n], all different; at most as many as there are slots. next_use: int64 [n], the numbers of the
-        bricks' next uses; None if they are not known. If the block raises, the missing bricks remain missing.
-        """
-        self._use_counter += 1
-        slots = self._slot_from_key[keys]
-        num_missing = int(np.count_nonzero(slots < 0))
-        free = np.empty(0, np.int64)
-        if num_missing:
-            self._next_use[slots[slots >= 0]] = -1  # so that none of these bricks is evicted
-            free = np.lexsort((self._last_used, -self._next_use))[:num_missing]
-        found = Placed(np.where(slots < 0, MISSING, slots * self._brick_floats), free * self._brick_floats)
-        try:
-            yield found
-        except BaseException:
-            self._evict(free)
-            raise
-        has_place = found.offsets >= 0
-        into, kept = found.offsets[has_place] // self._brick_floats, keys[has_place]
-        self._evict(into[self._key_from_slot[into] != kept])
-        self._slot_from_key[kept], self._key_from_slot[into] = into, kept
-        self._last_used[into] = self._use_counter
-        self._next_use[into] = _NEVER if next_use is None else next_use[has_place]
-
-    def fill(self, placed: Placed, write: WriteTexels) -> None:
-        """Make all missing texels of bricks, on several threads, in the first free places."""
-        missing = np.flatnonzero(placed.offsets == MISSING)
-        free = placed.free[: len(missing)]
-        bricks = self.texels[:-_READ_BEHIND].reshape(-1, self._brick_floats)
-        num = max(MIN_BRICKS_PER_THREAD, min(-(-len(missing) // self._threads.num), _UPLOAD_BATCH))
-
-        def add(first: int) -> None:
-            part = slice(first, first + num)
-            write(missing[part], free[part] // self._brick_floats, bricks)
-
-        self._threads.map(add, range(0, len(missing), num))
-        placed.offsets[missing] = free
-
-    def _evict(self, slots: Int64) -> None:
-        """Make slots free."""
-        evicted = self._key_from_slot[slots]
-        self._slot_from_key[evicted[evicted >= 0]] = -1
-        self._key_from_slot[slots] = -1
-
-    def _resize(self, num: int) -> None:
-        """Make room for `num` slots, all of them free."""
-        self._slot_from_key[:] = -1
-        self._key_from_slot, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
-        self._next_use = np.full(num, _NEVER, np.int64)
-
-
-def brick_bytes(num_channels: int) -> int:
-    """Return the number of bytes that the texels of a brick take."""
-    return 4 * PADDED_BRICK_SIZE**3 * num_channels
 
 
 class BrickView(NamedTuple):
@@ -291,17 +145,24 @@ class BrickCache:
 
     def begin_frame(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         """Return the view of the bricks `batch[order]` for a frame, front to back."""
+        for atlas in (*self.scalars, self.means):
+            atlas.begin_picture()
         return self._prepare(batch, order, view)
 
     def plan(self, brick_view: BrickView, next_use: Int64) -> None:
         """Note when the next picture uses each brick of the view. next_use: int64 [n], the first band; -1 for none."""
         for part in self._parts_of(brick_view):
+            if part.rules is not None:
+                continue
             is_used = part.is_in & (next_use >= 0)
             part.atlas.plan(brick_view.keys[is_used], next_use[is_used])
 
     def have_slots(self, brick_view: BrickView, numbers: Int64, times: int) -> bool:
-        """Return whether there are slots for `times` as many bricks as `numbers` has: numbers of bricks in the view."""
-        parts = self._parts_of(brick_view)
+        """Return whether there are slots for `times` as many bricks as `numbers` has: numbers of bricks in the view.
+
+        Only bricks of means and of colours need slots: kernels make others also without.
+        """
+        parts = [part for part in self._parts_of(brick_view) if part.rules is None]
         return all(times * np.count_nonzero(part.is_in[numbers]) <= part.atlas.max_slots for part in parts)
 
     @contextmanager
@@ -316,31 +177,17 @@ class BrickCache:
 
         next_use: the next uses of these bricks, as in `Atlas.placed`. makes_all: whether to make all texels now.
         """
-        parts = self._parts_of(brick_view)
+        *of_layers, of_means = self._parts_of(brick_view)
         offsets = np.full((len(self.scalars), len(brick_view.order)), -1, np.int64)
-        free, places = [np.empty(0, np.int64) for _ in offsets], list[tuple[Placed, Int64, Int64]]()
+        found = list[AtlasTexels]()
         with ExitStack() as stack:
-            for layer, part in enumerate(parts):
-                are_in, row = part.is_in[numbers], offsets[layer % len(offsets)]
-                of_atlas, used = numbers[are_in], None if next_use is None else next_use[are_in]
-                if not len(of_atlas):
-                    continue
-                part.atlas.reserve(len(of_atlas))
-                placed = stack.enter_context(part.atlas.placed(brick_view.keys[of_atlas], used))
-                if makes_all or part.rules is None:
-                    part.atlas.fill(placed, partial(part.write, of_atlas))
+            stack.enter_context(of_means.made(offsets[0], numbers, next_use))
+            for part, row in zip(of_layers, offsets, strict=True):
+                if part.rules is None or makes_all:
+                    found.append(stack.enter_context(part.made(row, numbers, next_use)))
                 else:
-                    free[layer] = placed.free
-                row[of_atlas] = placed.offsets
-                places.append((placed, row, of_atlas))
-            volumes = [part.layer.bricks.volume for part, of_part in zip(parts, free, strict=False) if len(of_part)]
-            for volume in volumes:
-                volume.require_unchanged()
-            yield [part.texels(*each) for part, *each in zip(parts, offsets, free, strict=False)]
-            for volume in volumes:
-                volume.require_unchanged()
-            for placed, row, of_atlas in places:
-                placed.offsets[:] = row[of_atlas]
+                    found.append(stack.enter_context(part.offered(row, numbers)))
+            yield found
 
     def release(self) -> None:
         """Free the memory of all bricks."""
@@ -370,32 +217,76 @@ class BrickCache:
                 x, y, z = cells[is_shown].T
                 is_shown[is_shown] = layer.bricks.levels[0].is_visible[z, y, x]
             write = partial(_write_voxels, layer, rules, cells)
-            parts.append(_AtlasPart(atlas, is_shown, cells, layer, rules, write))
-        return [
-            *parts,
-            _AtlasPart(self.means, is_mean, cells, layers[0], None, partial(_write_means, brick_view, cells)),
-        ]
+            parts.append(_AtlasPart(atlas, brick_view.keys, is_shown, cells, layer, rules, write))
+        means = _AtlasPart(
+            self.means, brick_view.keys, is_mean, cells, layers[0], None, partial(_write_means, brick_view, cells)
+        )
+        return [*parts, means]
 
 
 class _AtlasPart(NamedTuple):
     """The bricks of a view in one atlas.
 
+    keys: int64 [n], the keys of the bricks of the view, as in BrickView.
     is_in: bool [n], which bricks of the view the atlas is for. cells: int32 [n, 3], the places of all bricks.
     layer: the layer of an atlas of scalars. rules: the rules by which kernels make its texels; None if they do not.
     write: a function that takes numbers of bricks in the view, and then what WriteTexels takes.
     """
 
     atlas: Atlas
+    keys: Int64
     is_in: Bools
     cells: Int32
     layer: BrickLayer
     rules: TexelRules | None
     write: Callable[[Int64, Int64, Int64, Float32], None]
 
-    def texels(self, offsets: Int64, free: Int64) -> AtlasTexels:
-        """Return the texels as kernels take them. offsets, free: as in the record AtlasTexels."""
-        rules = self.rules if len(free) else None
-        return AtlasTexels(self.atlas.texels, offsets, rules, self.cells, free, np.zeros(1, np.int64))
+    @contextmanager
+    def made(self, row: Int64, numbers: Int64, next_use: Int64 | None) -> Iterator[AtlasTexels]:
+        """Make all missing texels now, and return all texels as kernels take them.
+
+        row: the offsets of all bricks of the view, to which those of the bricks in `numbers` are written. next_use: as
+        in `BrickCache.placed`.
+        """
+        are_in = self.is_in[numbers]
+        chosen = numbers[are_in]
+        if not len(chosen):
+            yield self._texels(row)
+            return
+        self.atlas.reserve(len(chosen))
+        with self.atlas.placed(self.keys[chosen], None if next_use is None else next_use[are_in]) as placed:
+            self.atlas.fill(placed, partial(self.write, chosen))
+            row[chosen] = placed.offsets
+            yield self._texels(row)
+
+    @contextmanager
+    def offered(self, row: Int64, numbers: Int64) -> Iterator[AtlasTexels]:
+        """Return all texels as kernels take them, which make the missing ones of the bricks in `numbers`.
+
+        row: as in `made`. Raises InputError if the volume's file was changed.
+        """
+        chosen = numbers[self.is_in[numbers]]
+        if len(chosen):
+            self.atlas.reserve()
+        self.layer.bricks.volume.require_unchanged()
+        with self.atlas.offered(self.keys[chosen]) as placed:
+            row[chosen] = placed.offsets
+            texels = self._texels(row, placed.free if self.atlas.num_missing(self.keys[chosen]) else None)
+            yield texels
+            self.layer.bricks.volume.require_unchanged()
+            placed.offsets[:], placed.are_met[:] = row[chosen], texels.are_met[chosen]
+
+    def _texels(self, row: Int64, free: Int64 | None = None) -> AtlasTexels:
+        """Return texels as kernels take them. free: the free positions for missing ones; None if none are missing."""
+        return AtlasTexels(
+            texels=self.atlas.texels,
+            offsets=row,
+            rules=None if free is None else self.rules,
+            cells=self.cells,
+            free=np.empty(0, np.int64) if free is None else free,
+            num_taken=np.zeros(1, np.int64),
+            are_met=np.zeros(len(row), np.bool_),
+        )
 
 
 def _write_voxels(

@@ -209,8 +209,8 @@ void search_spans(const Texels& texels, const SearchRules& rules, double nearnes
 
 // Search the bricks over a tile. Return whether the search was finished, and not stopped.
 //
-// memory: memory in which missing texels are made.
-bool draw_tile(const DrawExtremes& search, const Tile& tile, double* memory, int64_t number) {
+// finder: finds the texels of bricks.
+bool draw_tile(const DrawExtremes& search, const Tile& tile, TexelFinder& finder, int64_t number) {
     const Grid& grid = search.grid;
     const Array<float, 1> pixels = {grid.rays.data, {grid.rays.size()}};
     const double* forward = search.rules.forward;
@@ -236,10 +236,8 @@ bool draw_tile(const DrawExtremes& search, const Tile& tile, double* memory, int
                 return span_of(box, along, range, hit);
             },
             [&](int64_t num) {
-                make_missing(search.voxels, brick, memory);
-                const Texels all = {search.voxels.texels.data, {search.voxels.texels.shape[0]}};
-                Texels texels = rest_of(all, search.voxels.offsets[brick]);
-                search_spans(texels, search.rules, nearness, num, tile, pixels);
+                finder.meet(brick);
+                search_spans(finder.texels(brick), search.rules, nearness, num, tile, pixels);
             });
     }
     return true;
@@ -261,8 +259,10 @@ Status draw_extremes(const DrawExtremes* arguments) {
     }
     const Tile tile(grid, arguments->rays, MAX_CELLS);
     const Buffer<double> scratch(scratch_size(arguments->voxels));
-    if (!tile || !scratch) return NO_MEMORY;
+    const Buffer<float> own(own_size(arguments->voxels));
+    if (!tile || !scratch || !own) return NO_MEMORY;
+    TexelFinder finder = {&arguments->voxels, scratch.data, own, -1};
     for (int64_t k = 0; k < tiles.shape[0]; k++)
-        if (!draw_tile(*arguments, tile, scratch.data, tiles[k])) return STOPPED;
+        if (!draw_tile(*arguments, tile, finder, tiles[k])) return STOPPED;
     return DONE;
 }

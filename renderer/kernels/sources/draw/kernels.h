@@ -221,10 +221,12 @@ struct AtlasTexels {
     Maybe<TexelRules> rules;
     // [bricks, 3]: the place (x, y, z) of each brick, in widths of a brick.
     Sized<const int32_t, 2, 3> cells;
-    // [n]: the positions in `texels` for missing bricks, at least one for each. They are taken in this order.
+    // [n]: the positions in `texels` for missing bricks, which are taken in this order. There may be fewer than bricks.
     Array<const int64_t, 1> free;
-    // [1]: the number of positions of `free` that are taken.
+    // [1]: the number of positions of `free` that are taken; more than there are if a brick found none.
     Array<int64_t, 1> num_taken;
+    // [bricks]: whether a ray has met each brick. Kernels set it.
+    Array<bool, 1> are_met;
 };
 
 // The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.

@@ -177,7 +177,7 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
             [&](ClippedFloats alphas) { return mask_of(alphas <= scene.termination_alpha); },
             [&](const auto&... clipped) __attribute__((always_inline)) { return span_of(box, tile, clipped...); },
             [&](int64_t num) {
-                shown.make_missing_texels(brick);
+                shown.meet(brick);
                 march_brick(scene, shown, brick, box, num, tile, pixels);
             });
     }
