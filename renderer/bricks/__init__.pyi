@@ -29,9 +29,11 @@ from .sampling import (
     make_brick_batch as make_brick_batch,
 )
 from .texels import (
+    NO_LIGHT as NO_LIGHT,
+    fill_scalar_texels as fill_scalar_texels,
     mean_texels as mean_texels,
-    scalar_texels as scalar_texels,
     texel_gradients as texel_gradients,
+    texel_rules as texel_rules,
 )
 
 # isort: split

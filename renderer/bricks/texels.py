@@ -25,23 +25,23 @@ import numpy as np
 
 from renderer.bricks.brick_means import means_of_bricks
 from renderer.bricks.bricks import Bricks
-from renderer.bricks.layout import PADDED_BRICK_SIZE, voxels_of
-from renderer.kernels import kernels
+from renderer.bricks.layout import voxels_of
+from renderer.kernels import TexelRules, kernels
 from renderer.transfer import range_width
-from renderer.volume import Float32, Float64, Int32, Volume
+from renderer.volume import Float32, Float64, Int32, Int64, Volume
 
 # The exponent of the largest power of two by which the differences of small scalars are multiplied.
 _LARGEST_EXPONENT = 1000
 
 # The direction to the light if the normals of labels do not turn towards a light.
-_NO_LIGHT = np.zeros(3)
+NO_LIGHT = np.zeros(3)
 
 # The largest ratio of a mean of tau c to a mean of tau, for a colour of 1: both are rounded, to at least 11 bits.
 _ROUNDING = 1 + 2.0**-9
 
 
-def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool, toward_light: Float64 = _NO_LIGHT) -> Float32:
-    """Return the scalars of bricks of level 0, float32 [n, 18, 18, 18], with gradients if lit: float32 [n, 4 * 18^3].
+def texel_rules(bricks: Bricks, *, lit: bool, toward_light: Float64 = NO_LIGHT) -> TexelRules:
+    """Return the rules by which kernels make the texels of bricks of level 0: scalars, with gradients if lit.
 
     Scalars are normalized to `bricks.scalar_range` and clamped to +-MAX_NORMALIZED_SCALAR. In a volume with absent
     voxels, the lowest bit of a texel says whether its voxel is absent.
@@ -51,21 +51,32 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool, toward_light: Floa
     of smoothed opacities. All gradients of a volume are divided by one number, with which differences of scalars, and
     the entries of the transform to the world, are at most 1.
 
-    cells: [n, 3], the places (x, y, z) of bricks. toward_light: float64 [3], a unit vector to which the normals of
-    labels turn a little; 0 for none. Raises InputError if the volume's file was changed.
+    toward_light: float64 [3], a unit vector to which the normals of labels turn a little; 0 for none.
     """
-    volume, first = bricks.volume, bricks.scalar_range[0]
-    texels = np.empty((len(cells), (4 if lit else 1) * PADDED_BRICK_SIZE**3), np.float32)
+    volume, (width, factor) = bricks.volume, range_width(*bricks.scalar_range)
     matrix = _world_from_gradient(volume)
-    width, factor = range_width(*bricks.scalar_range)
-    volume.require_unchanged()
-    kernels().fill_scalar_texels(
-        voxels=voxels_of(volume, bricks.pyramid.classifier), cells=cells, first=first, width=width, factor=factor,
-        world_from_gradient=matrix / np.abs(matrix).max(), scale=_unit_scale(*bricks.volume_range),
-        opacities=_opacities(bricks), toward_light=toward_light, texels=texels,
-    )  # fmt: skip
-    volume.require_unchanged()
-    return texels if lit else texels.reshape(-1, *(PADDED_BRICK_SIZE,) * 3)
+    return TexelRules(
+        voxels=voxels_of(volume, bricks.pyramid.classifier),
+        first=bricks.scalar_range[0],
+        width=width,
+        factor=factor,
+        world_from_gradient=matrix / np.abs(matrix).max(),
+        scale=_unit_scale(*bricks.volume_range),
+        toward_light=toward_light,
+        opacities=_opacities(bricks),
+        is_lit=lit,
+    )
+
+
+def fill_scalar_texels(bricks: Bricks, rules: TexelRules, cells: Int32, slots: Int64, texels: Float32) -> None:
+    """Write the scalars of bricks of level 0, by `texel_rules`, to rows of an array.
+
+    cells: [n, 3], the places (x, y, z) of bricks. slots: [n], the row of each brick. texels: float32 [slots, 18^3], or
+    [slots, 4 * 18^3] if lit. Raises InputError if the volume's file was changed.
+    """
+    bricks.volume.require_unchanged()
+    kernels().fill_scalar_texels(rules=rules, cells=cells, slots=slots, texels=texels)
+    bricks.volume.require_unchanged()
 
 
 def _opacities(bricks: Bricks) -> Float64:

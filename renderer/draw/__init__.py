@@ -19,7 +19,8 @@ premultiplied RGBA without a background. Each footprint, splats or bricks, has i
 `bricks/` draws bricks on several threads, by kernels (`march.cpp`, `mixture.cpp`, `extremum.cpp`):
 
 - `bricks/brick_rasterizer.py`: the rasteriser, which shares the memory for bricks among layers.
-- `bricks/brick_cache.py`: keeps the texels of bricks.
+- `bricks/brick_cache.py`: keeps the texels of the bricks of layers.
+- `bricks/atlas.py`: keeps the texels of bricks of one kind in slots, and decides which bricks stay.
 - `bricks/grid.py`: divides the picture into tiles, and finds the bricks over each.
 - `bricks/bands.py`: joins tiles whose bricks fit into the caches at once.
 - `bricks/antialiasing.py`: draws several rays in pixels whose colour a single ray does not give.

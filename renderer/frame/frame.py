@@ -15,6 +15,7 @@ from renderer.frame.stage import Stage, Stopwatch, view_of
 from renderer.kernels import ThreadPool
 from renderer.layers import Layer
 from renderer.modes import chord_lengths
+from renderer.scene import TimeBudget
 from renderer.view import View
 from renderer.volume import Float32, Float64
 
@@ -93,7 +94,8 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     lod, stage = draw_list.lod, draw_list.stage
     stage.require_unchanged()
     num_rays_before = rasterizer.num_rays
-    if draw_list.upload(rasterizer):
+    # A film with a time for each frame makes all missing bricks first: later frames of the cut do not need that time.
+    if isinstance(stage.scene.error.goal, TimeBudget) and draw_list.upload(rasterizer):
         watch.lap(UPLOAD_STEP)
     is_projection = stage.scene.mode.is_projection
     image = _add_projections(draw_list, rasterizer) if is_projection else _blend_orders(draw_list, rasterizer)

@@ -2,6 +2,7 @@ from .binding import kernels as kernels
 from .bus_errors import guarded_regions as guarded_regions
 from .library import describe_kernels as describe_kernels, num_lanes as num_lanes, processor_level as processor_level
 from .records import (
+    AtlasTexels as AtlasTexels,
     BrickSums as BrickSums,
     Classifier as Classifier,
     ClipRegion as ClipRegion,
@@ -23,6 +24,7 @@ from .records import (
     SearchRules as SearchRules,
     Shading as Shading,
     StreamedLevel as StreamedLevel,
+    TexelRules as TexelRules,
     TransferTable as TransferTable,
     VisibleNodes as VisibleNodes,
     VoxelLighting as VoxelLighting,

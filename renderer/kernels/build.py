@@ -35,7 +35,13 @@ LEVELS = {
 }
 # The sources that are compiled for each level, because they compute in vectors of lanes. All other sources are compiled
 # for the lowest level alone, because a higher level does not make them faster.
-_IN_LANES = ("draw/march.cpp", "draw/mixture.cpp", "draw/extremum.cpp", "lighting/light_rays.cpp")
+_IN_LANES = (
+    "bricks/brick_texels.cpp",
+    "draw/march.cpp",
+    "draw/mixture.cpp",
+    "draw/extremum.cpp",
+    "lighting/light_rays.cpp",
+)
 # The machines that libraries can be made for, each with its name in zig. On Linux, libraries need glibc 2.17 (of 2012)
 # or newer.
 TARGETS = {

@@ -26,6 +26,28 @@ class Voxels(NamedTuple):
     is_labels: bool
 
 
+class TexelRules(NamedTuple):
+    """The rules by which the texels of bricks of level 0 are made (renderer/bricks/texels.py)."""
+
+    voxels: Voxels
+    # The scalar whose texel is 0: the start of the range to which scalars are normalized.
+    first: float
+    # The width of the range of scalars, multiplied by `factor`, as `range_width` returns it.
+    width: float
+    # The factor on scalars, 1 or 1/2, with which their differences do not overflow.
+    factor: float
+    # [3, 3]: the matrix from gradients along the index axes to world axes; its largest entry is 1.
+    world_from_gradient: NDArray[np.float64]
+    # A power of two by which scalars are multiplied for gradients, so that no difference of two scalars overflows.
+    scale: float
+    # The direction (x, y, z), a unit vector, to which the normals of labels are turned a little; zeros to turn none.
+    toward_light: NDArray[np.float64]
+    # [labels]: the opacity of a voxel of each label, by the label's number.
+    opacities: NDArray[np.float64]
+    # Whether gradients follow the scalars of a brick.
+    is_lit: bool
+
+
 class Grid(NamedTuple):
     """A grid of rays into which bricks are drawn, in tiles (renderer/draw/bricks/grid.py)."""
 
@@ -93,16 +115,36 @@ class FieldMask(NamedTuple):
     are_cut: NDArray[np.bool]
 
 
-class Field(NamedTuple):
-    """The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them."""
+class AtlasTexels(NamedTuple):
+    """The texels of bricks in an atlas. Missing texels of bricks of voxels are made when a ray first meets their brick
+    (atlas.h).
+    """
 
     # For each brick of voxels, PADDED_BRICK_SIZE^3 texels; if the layer is lit, PADDED_BRICK_SIZE^3 gradients (x, y, z)
     # follow them. If voxels are colours, each texel is (tau c, tau).
-    scalars: NDArray[np.float32]
+    texels: NDArray[np.float32]
+    # [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing, -2 for one
+    # whose texels are missing. Kernels write the positions of the texels that they make.
+    offsets: NDArray[np.int64]
+    # The rules by which texels are made; None if none are missing.
+    rules: TexelRules | None
+    # [bricks, 3]: the place (x, y, z) of each brick, in widths of a brick.
+    cells: NDArray[np.int32]
+    # [n]: the positions in `texels` for missing bricks, which are taken in this order. There may be fewer than bricks.
+    free: NDArray[np.int64]
+    # [1]: the number of positions of `free` that are taken; more than there are if a brick found none.
+    num_taken: NDArray[np.int64]
+    # [bricks]: whether a ray has met each brick. Kernels set it.
+    are_met: NDArray[np.bool]
+
+
+class Field(NamedTuple):
+    """The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them."""
+
+    # The texels of bricks of voxels, and the offsets of all bricks, each in its atlas.
+    voxels: AtlasTexels
     # For each brick of means, PADDED_BRICK_SIZE^3 texels (tau c, tau).
     means: NDArray[np.float32]
-    # [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing.
-    texel_offsets: NDArray[np.int64]
     pieces: PiecewiseTransfer
     # A factor on the layer's extinction.
     weight: float

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.records import (
+    AtlasTexels,
     BrickSums,
     Classifier,
     Grid,
@@ -20,6 +21,7 @@ from renderer.kernels.records import (
     RaySetup,
     SearchRules,
     StreamedLevel,
+    TexelRules,
     TransferTable,
     VisibleNodes,
     Voxels,
@@ -163,9 +165,8 @@ class DrawExtremes(Protocol):
         grid: Grid,
         rays: RaySetup,
         boxes: NDArray[np.float64],
-        texel_offsets: NDArray[np.int64],
         tops: NDArray[np.float64],
-        scalars: NDArray[np.float32],
+        voxels: AtlasTexels,
         rules: SearchRules,
     ) -> DrawExtremesCall: ...
 
@@ -326,15 +327,9 @@ class Kernels:
     def fill_scalar_texels(
         self,
         *,
-        voxels: Voxels,
+        rules: TexelRules,
         cells: NDArray[np.int32],
-        first: float,
-        width: float,
-        factor: float,
-        world_from_gradient: NDArray[np.float64],
-        scale: float,
-        toward_light: NDArray[np.float64],
-        opacities: NDArray[np.float64],
+        slots: NDArray[np.int64],
         texels: NDArray[np.float32],
     ) -> None: ...
     def extrapolate_border(

@@ -10,5 +10,5 @@ from .levels import (
     axis_named as axis_named,
     slabs_of as slabs_of,
 )
-from .store import open_store as open_store
+from .store import Store as Store, open_store as open_store
 from .store_files import is_store as is_store, is_zipped_store as is_zipped_store

@@ -7,10 +7,11 @@ from typing import Literal
 import numpy as np
 import pytest
 from brick_reference import index_gradients
+from brickwork import scalar_texels
 from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches
 from number_types import TYPES, limits
 
-from renderer.bricks import BRICK_SIZE, Bricks, make_bricks, mean_texels, scalar_texels
+from renderer.bricks import BRICK_SIZE, Bricks, make_bricks, mean_texels
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Array, Bools, Float64, Int32, Int64, Volume, make_volume

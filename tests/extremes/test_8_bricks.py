@@ -6,10 +6,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from brickwork import scalar_texels
 from extremes import Extreme, Random, Section, worst_of
 from number_types import random_ranges
 
-from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, PADDED_BRICK_SIZE, Bricks, make_bricks, mean_texels, scalar_texels
+from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, PADDED_BRICK_SIZE, Bricks, make_bricks, mean_texels
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import MAX_NORMALIZED_SCALAR, TransferFunction
 from renderer.volume import Array, make_volume

@@ -13,13 +13,17 @@ from splatting import look
 from renderer.bricks import (
     BRICK_LEVELS,
     BRICK_SIZE,
+    NO_LIGHT,
+    PADDED_BRICK_SIZE,
     BrickBatch,
     BrickCut,
     BrickLayer,
     BrickLayers,
     Bricks,
     ScreenSampling,
+    fill_scalar_texels,
     make_bricks,
+    texel_rules,
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
@@ -51,6 +55,14 @@ SHADED_AFFINES = pytest.mark.parametrize(
 )
 
 CAMERAS = ("perspective", "orthographic", "inside", "near", "face")
+
+
+def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool, toward_light: Float64 = NO_LIGHT) -> Float32:
+    """Return the texels of bricks of level 0, float32 [n, 18, 18, 18], or with gradients if lit: [n, 4 * 18^3]."""
+    texels = np.full((len(cells), (4 if lit else 1) * PADDED_BRICK_SIZE**3), np.nan, np.float32)
+    rules = texel_rules(bricks, lit=lit, toward_light=toward_light)
+    fill_scalar_texels(bricks, rules, cells, np.arange(len(cells)), texels)
+    return texels if lit else texels.reshape(-1, *(PADDED_BRICK_SIZE,) * 3)
 
 
 def placed(values: npt.ArrayLike, affine: Float64 | None = None) -> Volume:

@@ -51,7 +51,7 @@ def folder(tmp_path: Path) -> Path:
     [
         ("integrated", "volume.make_volume"),
         ("integrated", "building.work"),
-        ("integrated", "texels.scalar_texels"),
+        ("integrated", "brick_cache.placed"),
         ("gaussian", "cut._join_leaves"),
     ],
 )

@@ -13,6 +13,7 @@ from texel_wall import drawn
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import Atlas, BrickRasterizer, brick_bytes, plan_bands, share_memory, share_out
 from renderer.kernels import Light, Shading
+from renderer.system import MemoryShare
 from renderer.transfer import NO_LIGHT_GRID
 
 BRICK_BYTES = brick_bytes(1)
@@ -50,21 +51,31 @@ def test_powers_keep_their_digits(exponent: float) -> None:
     assert got[-1] == 1.0
 
 
-def brick(keys: Any) -> Any:
-    """Texels that tell of their key."""
-    return np.broadcast_to(np.asarray(keys, np.float32)[:, None, None, None], (len(keys), *3 * (PADDED_BRICK_SIZE,)))
+def writer(keys: Any) -> Any:
+    """Return a function that writes texels that tell of their key."""
+
+    def write(chosen: Any, slots: Any, texels: Any) -> None:
+        texels[slots] = np.asarray(keys, np.float32)[chosen, None]
+
+    return write
 
 
 def content(atlas: Atlas, keys: Any) -> list[float]:
-    slots = atlas.upload(np.asarray(keys), pytest.fail)
-    return [float(atlas.texels[first]) for first in atlas.texel_offsets(slots)]
+    with atlas.placed(np.asarray(keys)) as placed:
+        return [float(atlas.texels[first]) for first in placed.offsets]
+
+
+def upload(atlas: Atlas, keys: Any, next_use: Any = None) -> None:
+    """Make the missing ones of some bricks."""
+    with atlas.placed(keys, next_use) as placed:
+        atlas.fill(placed, writer(keys))
 
 
 def test_bricks_stay_where_they_are_when_there_are_more() -> None:
     """A copy would take memory that nobody reckons with."""
     atlas = Atlas(1, 1000, 1000 * BRICK_BYTES)
     atlas.reserve()
-    atlas.upload(np.arange(10), brick)
+    upload(atlas, np.arange(10))
     texels = atlas.texels
     atlas.reserve()
     assert atlas.texels is texels
@@ -82,7 +93,7 @@ def test_bricks_that_were_drawn_longest_ago_go_first() -> None:
     assert Atlas(1, 3, 4 * BRICK_BYTES).max_slots == 3 and Atlas(64, 3, 0).max_slots == 1  # room for less than a brick
     atlas.reserve()
     for keys in map(np.array, ([1, 2], [3, 4], [1], [7, 8])):
-        atlas.upload(keys, lambda missing, keys=keys: brick(keys[missing]))
+        upload(atlas, keys)
     assert [atlas.num_missing(np.array([key])) for key in (1, 2, 3, 4, 7, 8)] == [0, 1, 1, 0, 0, 0]
     assert content(atlas, [8, 1, 7]) == [8, 1, 7]
 
@@ -101,7 +112,7 @@ def test_a_scan_keeps_the_bricks_that_fit(num_slots: int) -> None:
         made.append(0)
         for band in keys.reshape(4, 3):
             made[-1] += atlas.num_missing(band)
-            atlas.upload(band, lambda at, band=band: brick(band[at]), 4 + band // 3)
+            upload(atlas, band, 4 + band // 3)
     assert made[0] == 12
     assert sum(made[1:]) == 12 * 12 * (4 - num_slots // 3) // 3
 
@@ -155,3 +166,42 @@ def test_threads_end_with_the_rasterizer() -> None:
         rasterizer.rasterize([batch], [ordered(batch.cut, view)], view)
         assert threading.active_count() > before
     assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("num_threads", [1, 3])
+@pytest.mark.parametrize("share", [0.0, 0.1, 1.0])
+def test_bricks_behind_what_is_opaque_are_not_made(num_threads: int, share: float) -> None:
+    """Only bricks that a ray meets take slots, also if these are few; the picture does not depend on their number."""
+    volume = placed(np.ones((96, 96, 96), np.float32))
+    bricks = bricks_of(volume, transfer_of((0, (0.9, 0.2, 0.1), 0.999), (1, (0.1, 0.5, 1.0), 0.999)))
+    batch, view = batch_of(level_cut(bricks, 0), bricks), view_of(volume, "perspective", (60, 60))
+    order = ordered(batch.cut, view)
+    memory = MemoryShare(int(share * len(order) * BRICK_BYTES))
+    with BrickRasterizer(num_threads=num_threads, memory=memory) as rasterizer, BrickRasterizer() as other:
+        for _ in range(3):
+            image = rasterizer.rasterize([batch], [order], view)
+        (atlas,) = rasterizer.caches[id(batch.bricks)].scalars
+        num_made = len(order) - atlas.num_missing(np.arange(len(order)))
+        assert 0 < num_made <= min(len(order) // 2, atlas.max_slots)
+        other.upload([batch], [order], view)
+        assert image.tobytes() == other.rasterize([batch], [order], view).tobytes()
+
+
+def test_bricks_that_rays_met_last_stay() -> None:
+    atlas = Atlas(1, 10, 3 * BRICK_BYTES)
+    atlas.reserve()
+
+    def draw(*met: int) -> None:
+        """Draw a picture whose rays meet these bricks."""
+        keys = np.arange(10)
+        atlas.begin_picture()
+        with atlas.offered(keys) as found:
+            free = iter(found.free.tolist())
+            for key in met:
+                found.are_met[key] = True
+                if found.offsets[key] < 0:
+                    found.offsets[key] = next(free, -2)
+
+    for met, kept in (([0, 1, 2, 3], [0, 1, 2]), ([2, 4], [0, 1, 2]), ([2, 5], [2, 5]), ([2, 5, 7], [2, 5, 7])):
+        draw(*met)
+        assert [key for key in range(10) if not atlas.num_missing(np.array([key]))] == kept

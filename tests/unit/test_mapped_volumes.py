@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from brickwork import scalar_texels
 from film_stages import PLAIN, SPLATS
 from volume_files import read, write_volume
 
-from renderer.bricks import make_bricks, mean_texels, scalar_texels
+from renderer.bricks import make_bricks, mean_texels
 from renderer.draw import BrickRasterizer
 from renderer.errors import InputError
 from renderer.frame import Stage, deserialize_stage, prepare_stage, render_frames, serialize_stage

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from brick_reference import _classified
-from brickwork import batch_of, bricks_of, level_cut
+from brickwork import batch_of, bricks_of, level_cut, scalar_texels
 from number_types import random_ranges
 from texel_wall import drawn
 
-from renderer.bricks import PADDED_BRICK_SIZE, Bricks, scalar_texels
+from renderer.bricks import PADDED_BRICK_SIZE, Bricks
 from renderer.kernels import PiecewiseTransfer
 from renderer.transfer import GUIDE_SIZE, TransferFunction, make_piecewise_transfer
 from renderer.volume import Float64, make_volume

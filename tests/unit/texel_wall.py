@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
 from renderer.draw import RayGrid, make_grid
-from renderer.kernels import Field, LayerBricks, Light, PiecewiseTransfer, RaySetup, kernels
+from renderer.kernels import AtlasTexels, Field, LayerBricks, Light, PiecewiseTransfer, RaySetup, kernels
 from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS
 from renderer.volume import Array, Float32
 
@@ -50,9 +50,16 @@ def drawn(
     rectangles, offsets = np.column_stack([left, zero, right, size]), np.arange(num_bricks) * bricks.shape[1]
     grid = make_grid(rectangles, RayGrid(image.reshape(-1, 4), image.shape[:2]))
     field = Field(
-        scalars=np.append(bricks, np.zeros(2, np.float32)),
+        voxels=AtlasTexels(
+            texels=np.append(bricks, np.zeros(2, np.float32)),
+            offsets=offsets,
+            rules=None,
+            cells=np.zeros((num_bricks, 3), np.int32),
+            free=np.empty(0, np.int64),
+            num_taken=np.zeros(1, np.int64),
+            are_met=np.zeros(num_bricks, np.bool_),
+        ),
         means=np.empty(0, np.float32),
-        texel_offsets=offsets,
         pieces=pieces,
         weight=1.0,
         lambert=np.zeros(5),

@@ -10,8 +10,8 @@ import numpy as np
 
 from renderer.volume import Int64
 
-# If the bricks of a picture do not all fit into the slots, the bricks of a band take at most 1 / _BANDS_IN_SLOTS of
-# them: a larger band would evict more bricks that could stay. A turntable of a lit head of 15,168 bricks, with
+# If the bricks of means or of colours of a picture do not all fit into the slots, those of a band take at most
+# 1 / _BANDS_IN_SLOTS of them: a larger band would evict more bricks that could stay. A turntable of 15,168 bricks, with
 # slots for 10,716, made 10,500 bricks anew for each frame with 1, 6900 to 7200 with 4, 6850 with 8, and 6850 with 64.
 # With slots for 5487 bricks, it made 14,600, 12,800, 12,600 and 12,600.
 _BANDS_IN_SLOTS = 8

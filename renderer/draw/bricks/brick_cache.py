@@ -1,17 +1,10 @@
-"""Keep the texels of bricks in slots of atlases, and evict the bricks whose next use is farthest away.
-
-Each atlas has a fixed share of memory. The size of a volume is no limit: with less memory, bricks are made more often.
-One atlas holds the scalars of level 0, another the means of the levels above.
-
-L. A. Belady, "A study of replacement algorithms for a virtual-storage computer", IBM Systems Journal 5 (1966): no other
-order of eviction has to make fewer bricks again. A picture is drawn in bands that are known beforehand, and the next
-picture is assumed to have the same bands. If not all bricks fit, as many stay as there is room for. If the least
-recently used brick were evicted instead, each brick would be evicted just before it is needed.
-"""
+"""Keep the bricks of layers in atlases: one for each layer's scalars of level 0, and one for the means of the levels
+above."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import NamedTuple
 
@@ -19,120 +12,21 @@ import numpy as np
 
 from renderer.bricks import (
     BRICK_SIZE,
-    MIN_BRICKS_PER_THREAD,
+    NO_LIGHT,
     PADDED_BRICK_SIZE,
     BrickBatch,
     BrickLayer,
     BrickLayers,
     color_texels,
+    fill_scalar_texels,
     mean_texels,
-    scalar_texels,
+    texel_rules,
 )
-from renderer.kernels import RaySetup, ThreadPool
+from renderer.draw.bricks.atlas import Atlas, brick_bytes
+from renderer.kernels import AtlasTexels, RaySetup, TexelRules, ThreadPool
 from renderer.transfer import toward_light
 from renderer.view import View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
-
-# A thread makes the texels of at most this many bricks before it writes them to the atlas.
-_UPLOAD_BATCH = 64
-# The number of floats of padding behind the last texel: kernels load whole rows and may read so far beyond it.
-_READ_BEHIND = 2
-# The number of the next use of a brick for which it is not known: larger than the number of any known use.
-_NEVER = 1 << 62
-
-
-class Atlas:
-    """A store of bricks of one kind, each in a slot. The caller gives each brick a key, from 0 to `num_keys` - 1.
-
-    num_channels: the float32 numbers of a texel, 1 or 4. max_slots: the most bricks that the atlas holds, at least 1.
-    num_bytes: the memory that the atlas may take.
-    threads: the threads that make texels and write them; None for the calling thread.
-    texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels], brick after brick.
-    """
-
-    def __init__(self, num_channels: int, num_keys: int, num_bytes: int, threads: ThreadPool | None = None) -> None:
-        self._threads, self._brick_floats = threads or ThreadPool(), PADDED_BRICK_SIZE**3 * num_channels
-        fitting = max(1, num_bytes // brick_bytes(num_channels))
-        self.num_channels, self.max_slots = num_channels, min(num_keys, fitting)
-        self.texels = np.empty(0, np.float32)
-        self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1 for a brick that is not in the atlas
-        self._key_from_slot = np.empty(0, np.int64)  # -1 for a free slot
-        self._next_use = np.empty(0, np.int64)
-        # The number of the upload that last used each slot. Of bricks without a known next use, the one with the lowest
-        # number is evicted.
-        self._last_used = np.empty(0, np.int64)
-        self._use_counter = 0
-
-    def texel_offsets(self, slots: Int64) -> Int64:
-        """Return the position of the first texel of the brick in each slot, halo included: int64 [n]."""
-        return slots * self._brick_floats
-
-    def reserve(self, num: int = 0) -> None:
-        """Make `max_slots` slots, or `num` if that is more; bricks are lost if slots are made. Unused slots take no
-        memory."""
-        if not len(self.texels) or num > self.max_slots:
-            self.max_slots = max(num, self.max_slots)
-            self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
-            self._resize(self.max_slots)
-
-    def release(self) -> None:
-        """Free the memory of the atlas."""
-        self.texels = np.empty(0, np.float32)
-        self._resize(0)
-
-    def num_missing(self, keys: Int64) -> int:
-        """Return how many of these bricks are not in the atlas."""
-        return int(np.count_nonzero(self._slot_from_key[keys] < 0))
-
-    def plan(self, keys: Int64, next_use: Int64) -> None:
-        """Note when the bricks of `keys` are used next. All other bricks of the atlas count as not used any more.
-
-        next_use: int64 [n], numbers of bands, which ascend in time.
-        """
-        slots = self._slot_from_key[keys]
-        self._next_use[:] = _NEVER
-        self._next_use[slots[slots >= 0]] = next_use[slots >= 0]
-
-    def upload(self, keys: Int64, make_texels: Callable[[Int64], Float32], next_use: Int64 | None = None) -> Int64:
-        """Upload the missing ones of some bricks, and return the slots of all of these bricks: int64 [n].
-
-        keys: int64 [n], all different; at most as many as there are slots. make_texels: returns the texels of missing
-        bricks, float32 [m, ...], from their indices in `keys`; several threads call it. If it raises, the bricks
-        already written stay in the atlas, and the missing ones remain missing. next_use: int64 [n], the numbers of the
-        bricks' next uses; None if they are not known.
-        """
-        self._use_counter += 1
-        slots = self._slot_from_key[keys]
-        missing = np.flatnonzero(slots < 0)
-        self._next_use[slots[slots >= 0]] = -1  # so that none of these bricks is evicted
-        if len(missing):
-            free = np.lexsort((self._last_used, -self._next_use))[: len(missing)]
-            evicted = self._key_from_slot[free]
-            self._slot_from_key[evicted[evicted >= 0]] = -1
-            self._key_from_slot[free] = -1
-            bricks = self.texels[:-_READ_BEHIND].reshape(-1, self._brick_floats)
-            num = max(MIN_BRICKS_PER_THREAD, min(-(-len(missing) // self._threads.num), _UPLOAD_BATCH))
-
-            def add(first: int) -> None:
-                part, into = missing[first : first + num], free[first : first + num]
-                bricks[into] = make_texels(part).reshape(len(part), -1)
-                self._slot_from_key[keys[part]], self._key_from_slot[into] = into, keys[part]
-
-            self._threads.map(add, range(0, len(missing), num))
-        slots = self._slot_from_key[keys]
-        self._last_used[slots], self._next_use[slots] = self._use_counter, _NEVER if next_use is None else next_use
-        return slots
-
-    def _resize(self, num: int) -> None:
-        """Make room for `num` slots, all of them free."""
-        self._slot_from_key[:] = -1
-        self._key_from_slot, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
-        self._next_use = np.full(num, _NEVER, np.int64)
-
-
-def brick_bytes(num_channels: int) -> int:
-    """Return the number of bytes that the texels of a brick take."""
-    return 4 * PADDED_BRICK_SIZE**3 * num_channels
 
 
 class BrickView(NamedTuple):
@@ -232,7 +126,9 @@ class BrickCache:
         ]
         self.means = Atlas(4, sum(nums), num_bytes[-1], threads)
         self.num_bytes = num_bytes
+        self._rules = [None if layer.bricks.volume.colors is not None else _rules_of(layer) for layer in bricks.layers]
         self._brick_view: BrickView | None = None  # the last view, kept because `upload` and drawing both need it
+        self._parts: list[_AtlasPart] = []  # of this view
 
     def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:
         """Upload the bricks `batch[order]`, and return whether any of them was missing.
@@ -240,46 +136,58 @@ class BrickCache:
         Do nothing if there are not enough slots: bricks are then uploaded while the picture is drawn.
         """
         brick_view = self._prepare(batch, order, view)
-        keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen, _ in self._parts(brick_view)]
+        keys = [(part.atlas, brick_view.keys[part.is_in]) for part in self._parts]
         has_room = all(len(of_atlas) <= atlas.max_slots for atlas, of_atlas in keys)
         if not has_room or not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
-        self.upload_bricks(brick_view, np.arange(len(order)))
-        return True
+        with self.placed(brick_view, np.arange(len(order)), makes_all=True):
+            return True
 
     def begin_frame(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         """Return the view of the bricks `batch[order]` for a frame, front to back."""
+        for atlas in (*self.scalars, self.means):
+            atlas.begin_picture()
         return self._prepare(batch, order, view)
 
     def plan(self, brick_view: BrickView, next_use: Int64) -> None:
         """Note when the next picture uses each brick of the view. next_use: int64 [n], the first band; -1 for none."""
-        for atlas, is_in, _ in self._parts(brick_view):
-            is_used = is_in & (next_use >= 0)
-            atlas.plan(brick_view.keys[is_used], next_use[is_used])
+        for part in self._parts_of(brick_view):
+            if part.rules is not None:
+                continue
+            is_used = part.is_in & (next_use >= 0)
+            part.atlas.plan(brick_view.keys[is_used], next_use[is_used])
 
     def have_slots(self, brick_view: BrickView, numbers: Int64, times: int) -> bool:
-        """Return whether there are slots for `times` as many bricks as `numbers` has: numbers of bricks in the view."""
-        parts = self._parts(brick_view)
-        return all(times * np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in parts)
+        """Return whether there are slots for `times` as many bricks as `numbers` has: numbers of bricks in the view.
 
-    def upload_bricks(self, brick_view: BrickView, numbers: Int64, next_use: Int64 | None = None) -> Int64:
-        """Upload the bricks with these numbers in the view, and return where their texels begin: int64 [layers, n].
-
-        Returns positions in the atlas of each layer, for all bricks of the view: -1 for a brick that was not asked for,
-        or in which the layer shows nothing. A brick of means has its position, in the atlas of means, in the first row.
-
-        next_use: the next uses of these bricks, as in `Atlas.upload`.
+        Only bricks of means and of colours need slots: kernels make others also without.
         """
+        parts = [part for part in self._parts_of(brick_view) if part.rules is None]
+        return all(times * np.count_nonzero(part.is_in[numbers]) <= part.atlas.max_slots for part in parts)
+
+    @contextmanager
+    def placed(
+        self, brick_view: BrickView, numbers: Int64, next_use: Int64 | None = None, *, makes_all: bool = False
+    ) -> Iterator[list[AtlasTexels]]:
+        """Give places to the bricks with these numbers in the view while they are drawn; return the texels of layers.
+
+        Means and colours are made now. Kernels make the scalars of a brick when a ray meets it, or all are made now.
+        The texels of a layer have the offsets of all bricks of the view: -1 for a brick that was not asked for, or in
+        which the layer shows nothing. A brick of means has its offset, in the atlas of means, in the first layer.
+
+        next_use: the next uses of these bricks, as in `Atlas.placed`. makes_all: whether to make all texels now.
+        """
+        *of_layers, of_means = self._parts_of(brick_view)
         offsets = np.full((len(self.scalars), len(brick_view.order)), -1, np.int64)
-        for layer, (atlas, is_in, make_texels) in enumerate(self._parts(brick_view)):
-            are_in = is_in[numbers]
-            of_atlas, used = numbers[are_in], None if next_use is None else next_use[are_in]
-            if not len(of_atlas):
-                continue
-            atlas.reserve(len(of_atlas))
-            slots = atlas.upload(brick_view.keys[of_atlas], partial(make_texels, of_atlas), used)
-            offsets[layer % len(offsets), of_atlas] = atlas.texel_offsets(slots)
-        return offsets
+        found = list[AtlasTexels]()
+        with ExitStack() as stack:
+            stack.enter_context(of_means.made(offsets[0], numbers, next_use))
+            for part, row in zip(of_layers, offsets, strict=True):
+                if part.rules is None or makes_all:
+                    found.append(stack.enter_context(part.made(row, numbers, next_use)))
+                else:
+                    found.append(stack.enter_context(part.offered(row, numbers)))
+            yield found
 
     def release(self) -> None:
         """Free the memory of all bricks."""
@@ -292,41 +200,131 @@ class BrickCache:
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)
+            self._parts = self._make_parts(last)
         return last
 
-    def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]]:
-        """Return the atlases of layers and of means, each with its bricks and a function that makes their texels.
+    def _parts_of(self, brick_view: BrickView) -> list[_AtlasPart]:
+        """Return the bricks of a view in each atlas."""
+        return self._parts if brick_view is self._brick_view else self._make_parts(brick_view)
 
-        An atlas's bricks are given as bool [n], over the bricks of the view. The function takes numbers of bricks in
-        the view, and the indices in these numbers of the bricks whose texels it makes.
-        """
+    def _make_parts(self, brick_view: BrickView) -> list[_AtlasPart]:
         layers, is_mean = brick_view.batch.bricks.layers, brick_view.is_mean
-        cells = brick_view.batch.cut.cells[brick_view.order]
-        parts: list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]] = []
-        for atlas, layer in zip(self.scalars, layers, strict=True):
+        cells = np.ascontiguousarray(brick_view.batch.cut.cells[brick_view.order])
+        parts = list[_AtlasPart]()
+        for atlas, layer, rules in zip(self.scalars, layers, self._rules, strict=True):
             is_shown = ~is_mean
             if len(layers) > 1:
                 x, y, z = cells[is_shown].T
                 is_shown[is_shown] = layer.bricks.levels[0].is_visible[z, y, x]
-            parts.append((atlas, is_shown, partial(self._scalar_texels, layer, cells)))
-        return [*parts, (self.means, is_mean, partial(self._mean_texels, brick_view, cells))]
+            write = partial(_write_voxels, layer, rules, cells)
+            parts.append(_AtlasPart(atlas, brick_view.keys, is_shown, cells, layer, rules, write))
+        means = _AtlasPart(
+            self.means, brick_view.keys, is_mean, cells, layers[0], None, partial(_write_means, brick_view, cells)
+        )
+        return [*parts, means]
 
-    def _scalar_texels(self, layer: BrickLayer, cells: Int32, among: Int64, chosen: Int64) -> Float32:
-        make = partial(scalar_texels, layer.bricks, lit=layer.shading is not None)
-        if layer.shading is not None and layer.shading.light != "camera":
-            make = partial(make, toward_light=toward_light(layer.shading))
-        if layer.bricks.volume.colors is not None:
-            make = partial(color_texels, layer.bricks.pyramid)
-        return make(cells[among[chosen]])
 
-    def _mean_texels(self, brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64) -> Float32:
-        """Return the texels of bricks of means: the sum over all layers of weight times mean."""
-        numbers = among[chosen]
-        levels = brick_view.batch.cut.levels[brick_view.order[numbers]]
-        texels = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
-        for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays, which takes time
-            at = np.flatnonzero(levels == level)
-            for layer in brick_view.batch.bricks.layers:
-                means = mean_texels(layer.bricks, level, cells[numbers[at]])
-                texels[at] += np.float32(layer.weight) * means
-        return texels
+class _AtlasPart(NamedTuple):
+    """The bricks of a view in one atlas.
+
+    keys: int64 [n], the keys of the bricks of the view, as in BrickView.
+    is_in: bool [n], which bricks of the view the atlas is for. cells: int32 [n, 3], the places of all bricks.
+    layer: the layer of an atlas of scalars. rules: the rules by which kernels make its texels; None if they do not.
+    write: a function that takes numbers of bricks in the view, and then what WriteTexels takes.
+    """
+
+    atlas: Atlas
+    keys: Int64
+    is_in: Bools
+    cells: Int32
+    layer: BrickLayer
+    rules: TexelRules | None
+    write: Callable[[Int64, Int64, Int64, Float32], None]
+
+    @contextmanager
+    def made(self, row: Int64, numbers: Int64, next_use: Int64 | None) -> Iterator[AtlasTexels]:
+        """Make all missing texels now, and return all texels as kernels take them.
+
+        row: the offsets of all bricks of the view, to which those of the bricks in `numbers` are written. next_use: as
+        in `BrickCache.placed`.
+        """
+        are_in = self.is_in[numbers]
+        chosen = numbers[are_in]
+        if not len(chosen):
+            yield self._texels(row)
+            return
+        self.atlas.reserve(len(chosen))
+        with self.atlas.placed(self.keys[chosen], None if next_use is None else next_use[are_in]) as placed:
+            self.atlas.fill(placed, partial(self.write, chosen))
+            row[chosen] = placed.offsets
+            yield self._texels(row)
+
+    @contextmanager
+    def offered(self, row: Int64, numbers: Int64) -> Iterator[AtlasTexels]:
+        """Return all texels as kernels take them, which make the missing ones of the bricks in `numbers`.
+
+        row: as in `made`. Raises InputError if the volume's file was changed.
+        """
+        chosen = numbers[self.is_in[numbers]]
+        if len(chosen):
+            self.atlas.reserve()
+        self.layer.bricks.volume.require_unchanged()
+        with self.atlas.offered(self.keys[chosen]) as placed:
+            row[chosen] = placed.offsets
+            texels = self._texels(row, placed.free if self.atlas.num_missing(self.keys[chosen]) else None)
+            yield texels
+            self.layer.bricks.volume.require_unchanged()
+            placed.offsets[:], placed.are_met[:] = row[chosen], texels.are_met[chosen]
+
+    def _texels(self, row: Int64, free: Int64 | None = None) -> AtlasTexels:
+        """Return texels as kernels take them. free: the free positions for missing ones; None if none are missing."""
+        return AtlasTexels(
+            texels=self.atlas.texels,
+            offsets=row,
+            rules=None if free is None else self.rules,
+            cells=self.cells,
+            free=np.empty(0, np.int64) if free is None else free,
+            num_taken=np.zeros(1, np.int64),
+            are_met=np.zeros(len(row), np.bool_),
+        )
+
+
+def _write_voxels(
+    layer: BrickLayer,
+    rules: TexelRules | None,
+    cells: Int32,
+    among: Int64,
+    chosen: Int64,
+    slots: Int64,
+    texels: Float32,
+) -> None:
+    """Write the texels of bricks of level 0 of a layer. rules: None if voxels are colours."""
+    of_bricks = cells[among[chosen]]
+    if rules is None:
+        texels[slots] = color_texels(layer.bricks.pyramid, of_bricks).reshape(len(slots), -1)
+    else:
+        fill_scalar_texels(layer.bricks, rules, of_bricks, slots, texels)
+
+
+def _write_means(
+    brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64, slots: Int64, texels: Float32
+) -> None:
+    """Write the texels of bricks of means: the sum over all layers of weight times mean."""
+    numbers = among[chosen]
+    levels = brick_view.batch.cut.levels[brick_view.order[numbers]]
+    sums = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
+    for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays, which takes time
+        at = np.flatnonzero(levels == level)
+        for layer in brick_view.batch.bricks.layers:
+            means = mean_texels(layer.bricks, level, cells[numbers[at]])
+            sums[at] += np.float32(layer.weight) * means
+    texels[slots] = sums.reshape(len(slots), -1)
+
+
+def _rules_of(layer: BrickLayer) -> TexelRules:
+    """Return the rules by which the texels of a layer's bricks of level 0 are made."""
+    shading = layer.shading
+    is_turned = shading is not None and shading.light != "camera"
+    return texel_rules(
+        layer.bricks, lit=shading is not None, toward_light=toward_light(shading) if shading and is_turned else NO_LIGHT
+    )

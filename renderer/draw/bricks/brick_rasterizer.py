@@ -10,7 +10,8 @@ for any number of threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -28,7 +29,7 @@ from renderer.draw.bricks.grid import RayGrid, make_grid
 from renderer.draw.bricks.mixture import make_mixture
 from renderer.draw.bricks.subsampling import grid_size, refine_grid, upsample
 from renderer.draw.rasterizer import BrickMemory, Rasterizer, RayColors
-from renderer.kernels import Grid, LayerBricks, RaySetup, ThreadPool, kernels
+from renderer.kernels import AtlasTexels, Grid, LayerBricks, RaySetup, ThreadPool, kernels
 from renderer.scene import FACE_DEPTH
 from renderer.system import MemoryShare
 from renderer.view import View
@@ -165,10 +166,11 @@ class BrickRasterizer(Rasterizer):
             bands, first_use = plan_bands(grid.starts, grid.numbers, len(part.members), part.have_slots)
             part.plan(first_use)
             for tiles, met, next_use in bands:
-                draw = part.make_kernel(grid, part.upload(met, next_use))
                 num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
-                tasks = [partial(draw, tiles=few) for few in np.array_split(tiles, max(1, num_tasks))]
-                self.threads.map(lambda task: task(), tasks)
+                with part.placed(met, next_use) as placed:
+                    draw = part.make_kernel(grid, placed)
+                    tasks = [partial(draw, tiles=few) for few in np.array_split(tiles, max(1, num_tasks))]
+                    self.threads.map(lambda task: task(), tasks)
 
 
 def _finest(samplings: Sequence[ScreenSampling]) -> ScreenSampling:
@@ -232,15 +234,15 @@ class _Part(NamedTuple):
     """A part of a picture that one kernel draws: the bricks of one view, or of several views that are mixed.
 
     members, rectangles_px: as in Mixture.
-    make_kernel: returns the function that draws tiles, from the grid and, for each view, the positions of texels that
-        `BrickCache.upload_bricks` returns.
+    make_kernel: returns the function that draws tiles, from the grid and, for each view, the texels that
+        `BrickCache.placed` returns.
     """
 
     caches: Sequence[BrickCache]
     views: Sequence[BrickView]
     members: Int64
     rectangles_px: Float64
-    make_kernel: Callable[[Grid, Sequence[Int64]], _DrawTiles]
+    make_kernel: Callable[[Grid, Sequence[Sequence[AtlasTexels]]], _DrawTiles]
 
     def have_slots(self, members: Int64, times: int) -> bool:
         """Return whether there are slots for `times` as many bricks as `members` has. members: numbers of bricks."""
@@ -254,15 +256,19 @@ class _Part(NamedTuple):
             by_number[self.members[of_view, 1]] = first_use[of_view]
             cache.plan(view, by_number)
 
-    def upload(self, members: Int64, next_use: Int64) -> list[Int64]:
-        """Upload bricks, and return where their texels begin, as `BrickCache.upload_bricks`, for each view.
+    @contextmanager
+    def placed(self, members: Int64, next_use: Int64) -> Iterator[list[list[AtlasTexels]]]:
+        """Give places to bricks while they are drawn, and return their texels for each view, as `BrickCache.placed`.
 
         members: int64 [n], numbers of bricks of this part. next_use: as in Band.
         """
         by_member = np.full(len(self.members), -1, np.int64)
         by_member[members] = next_use
-        parts = zip(self.caches, self.views, self._by_view(members), strict=True)
-        return [cache.upload_bricks(view, self.members[each, 1], by_member[each]) for cache, view, each in parts]
+        with ExitStack() as stack:
+            yield [
+                stack.enter_context(cache.placed(view, self.members[each, 1], by_member[each]))
+                for cache, view, each in zip(self.caches, self.views, self._by_view(members), strict=True)
+            ]
 
     def _by_view(self, members: Int64) -> list[Int64]:
         """Divide bricks by their views; the bricks of a view are sorted by their numbers in it."""
@@ -273,14 +279,14 @@ class _Part(NamedTuple):
 def _part_alone(cache: BrickCache, brick_view: BrickView) -> _Part:
     batch, numbers = brick_view.batch, np.arange(len(brick_view.order))
 
-    def make_kernel(grid: Grid, offsets: Sequence[Int64]) -> _DrawTiles:
+    def make_kernel(grid: Grid, placed: Sequence[Sequence[AtlasTexels]]) -> _DrawTiles:
         if batch.extremes is not None:
             return kernels().draw_extremes.partial(
-                grid=grid, rays=brick_view.rays, boxes=brick_view.boxes, texel_offsets=offsets[0][0],
-                tops=batch.extremes.tops[brick_view.order], scalars=cache.scalars[0].texels,
+                grid=grid, rays=brick_view.rays, boxes=brick_view.boxes,
+                tops=batch.extremes.tops[brick_view.order], voxels=placed[0][0],
                 rules=search_of(batch, brick_view.view),
             )  # fmt: skip
-        bricks = _layer_bricks(cache, brick_view, offsets[0], brick_view.rays, batch.model_unit)
+        bricks = _layer_bricks(cache, brick_view, placed[0], brick_view.rays, batch.model_unit)
         is_additive = batch.bricks.is_additive
         alpha = _NO_END if is_additive else batch.screen_sampling.termination_alpha
         return kernels().draw_tiles.partial(grid=grid, bricks=bricks, termination_alpha=alpha, is_additive=is_additive)
@@ -292,8 +298,8 @@ def _part_alone(cache: BrickCache, brick_view: BrickView) -> _Part:
 def _mixed_part(caches: Sequence[BrickCache], views: Sequence[BrickView], termination_alpha: float) -> _Part:
     mixture = make_mixture(views)
 
-    def make_kernel(grid: Grid, offsets: Sequence[Int64]) -> _DrawTiles:
-        of_views = zip(caches, views, offsets, mixture.rays, strict=True)
+    def make_kernel(grid: Grid, placed: Sequence[Sequence[AtlasTexels]]) -> _DrawTiles:
+        of_views = zip(caches, views, placed, mixture.rays, strict=True)
         return kernels().draw_mixture.partial(
             grid=grid, groups=[_layer_bricks(*each, mixture.unit) for each in of_views], members=mixture.members,
             depths=mixture.depths, termination_alpha=termination_alpha,
@@ -302,16 +308,18 @@ def _mixed_part(caches: Sequence[BrickCache], views: Sequence[BrickView], termin
     return _Part(caches, views, mixture.members, mixture.rectangles_px, make_kernel)
 
 
-def _layer_bricks(cache: BrickCache, brick_view: BrickView, offsets: Int64, rays: RaySetup, unit: float) -> LayerBricks:
+def _layer_bricks(
+    cache: BrickCache, brick_view: BrickView, placed: Sequence[AtlasTexels], rays: RaySetup, unit: float
+) -> LayerBricks:
     """Return the bricks of a view as kernels take them.
 
-    offsets: positions of texels, as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model
+    placed: the texels of each layer, as `BrickCache.placed` returns them. unit: the world length of the rays' model
     unit.
     """
     layers = brick_view.batch.bricks.layers
     fields = [
-        field_of(layer, atlas.texels, cache.means.texels, of_layer, brick_view)
-        for layer, atlas, of_layer in zip(layers, cache.scalars, offsets, strict=True)
+        field_of(layer, of_layer, cache.means.texels, brick_view)
+        for layer, of_layer in zip(layers, placed, strict=True)
     ]
     return LayerBricks(
         rays=rays,

@@ -7,23 +7,21 @@ import numpy as np
 from renderer.bricks import BrickLayer
 from renderer.draw.bricks.brick_cache import BrickView
 from renderer.draw.bricks.light import make_light
-from renderer.kernels import Field, FieldMask
+from renderer.kernels import AtlasTexels, Field, FieldMask
 from renderer.scene import ShadingSpec
 from renderer.transfer import toward_light
-from renderer.volume import Float32, Int64
+from renderer.volume import Float32
 
 
-def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64, brick_view: BrickView) -> Field:
+def field_of(layer: BrickLayer, voxels: AtlasTexels, means: Float32, brick_view: BrickView) -> Field:
     """Return the field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
 
-    scalars, means: the texels of the two atlases, as in the record Field of kernels. offsets: the positions of the
-    texels of the bricks of `brick_view`, as in Field.
+    voxels, means: the texels of the two atlases, as in the record Field of kernels.
     """
     shading = layer.shading if layer.shading and layer.shading.is_plain else ShadingSpec()
     return Field(
-        scalars=scalars,
+        voxels=voxels,
         means=means,
-        texel_offsets=offsets,
         pieces=layer.bricks.pieces,
         weight=layer.weight,
         lambert=np.array([*toward_light(shading), shading.ambient, shading.diffuse]),

@@ -1,19 +1,27 @@
 // Make the texels of bricks of voxels (renderer/bricks/texels.py).
-#include "bricks/kernels.h"
+#include "bricks/brick_texels.h"
 #include "transfer/transfer.h"
 #include "bricks/absent.h"
 
 namespace {
 
-// Return the scaled difference of the voxels after and before a voxel, times a weight. The difference is one-sided
-// beside a voxel without data, and NaN at such a voxel.
+// Call `function(x)` for places x in a row of `side` numbers, at least eight, so that the eight numbers from each x on
+// are all numbers of the row, some of them twice.
+template <class Function>
+INLINE void for_eights(int64_t side, Function function) {
+    for (int64_t first = 0; first < side; first += 8) function(least(first, side - 8));
+}
+
+// Return the scaled differences of the voxels after and before eight voxels, times their weights. A difference is
+// one-sided beside a voxel without data, and NaN at such a voxel.
 template <bool HAS_ABSENT>
-INLINE double difference(double before, double here, double after, double scale, double weight) {
+INLINE Eight difference(Eight before, Eight here, Eight after, double scale, Eight weight) {
     if constexpr (HAS_ABSENT) {
-        weight = is_nan(before) || is_nan(after) ? 1.0 : weight;
-        before = is_nan(before) ? here : before;
-        after = is_nan(after) ? here : after;
-        return is_nan(here) ? here : (after * scale - before * scale) * weight;
+        auto are_nan = [](Eight values) { return mask_of(values != values); };
+        weight = where(are_nan(before) | are_nan(after), in_all<Eight>(1.0), weight);
+        before = where(are_nan(before), here, before);
+        after = where(are_nan(after), here, after);
+        return where(are_nan(here), here, (after * scale - before * scale) * weight);
     }
     return (after * scale - before * scale) * weight;
 }
@@ -24,6 +32,8 @@ struct Places {
     int64_t nearest[PADDED_BRICK_SIZE + 2];
     // For each texel, the weight of the difference between the two voxels beside the nearest one.
     double weights[PADDED_BRICK_SIZE + 2];
+    // Whether any texel is beyond the border of the volume.
+    bool are_beyond = false;
 
     // num: the number of voxels of the volume along the axis. start: the voxel of the volume at the first texel. side:
     // the number of texels. weight: the weight of all differences; at 0, the weight of a difference is the reciprocal
@@ -34,6 +44,7 @@ struct Places {
             int64_t distance = least(voxel + 1, num - 1) - most<int64_t>(voxel - 1, 0);
             weights[t] = weight > 0 ? weight : 1.0 / (double)most<int64_t>(distance, 1);
             nearest[t] = voxel - start;
+            are_beyond |= nearest[t] != t;
         }
     }
 };
@@ -58,14 +69,18 @@ void fill_gradients(const Field& field, const int64_t (&shape)[3], const Array<c
             const double *here = &field(z + 1, y + 1, 1), *below = &field(z, y + 1, 1), *above = &field(z + 2, y + 1, 1);
             const double *front = &field(z + 1, y, 1), *back = &field(z + 1, y + 2, 1);
             double* to[3] = {&gradients(0, t, u, 0), &gradients(1, t, u, 0), &gradients(2, t, u, 0)};
-            for (int64_t x = 0; x < side; x++) {
-                double gx = difference<HAS_ABSENT>(here[x - 1], here[x], here[x + 1], scale, along_x.weights[x]);
-                double gy = difference<HAS_ABSENT>(front[x], here[x], back[x], scale, wy);
-                double gz = difference<HAS_ABSENT>(below[x], here[x], above[x], scale, wz);
-                to[0][x] = m[0] * gx + m[1] * gy + m[2] * gz;
-                to[1][x] = m[3] * gx + m[4] * gy + m[5] * gz;
-                to[2][x] = m[6] * gx + m[7] * gy + m[8] * gz;
-            }
+            for_eights(side, [&](int64_t x) __attribute__((always_inline)) {
+                auto values = [&](const double* row) { return load<Eight>(row, x); };
+                Eight middle = values(here);
+                Eight gx = difference<HAS_ABSENT>(values(here - 1), middle, values(here + 1), scale,
+                                                  load<Eight>(along_x.weights, x));
+                Eight gy = difference<HAS_ABSENT>(values(front), middle, values(back), scale, in_all<Eight>(wy));
+                Eight gz = difference<HAS_ABSENT>(values(below), middle, values(above), scale, in_all<Eight>(wz));
+                store(to[0], x, m[0] * gx + m[1] * gy + m[2] * gz);
+                store(to[1], x, m[3] * gx + m[4] * gy + m[5] * gz);
+                store(to[2], x, m[6] * gx + m[7] * gy + m[8] * gz);
+            });
+            if (!along_x.are_beyond) continue;
             for (double* row : to)
                 for (int64_t x = 0; x < side; x++) row[x] = row[along_x.nearest[x]];
         }
@@ -103,51 +118,118 @@ void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& c
     for (int64_t k = 0; k < 3 * num; k++) gradients.data[k] -= TILT * toward_light[k / num];
 }
 
+// The parts of the memory in which the texels of a brick are made.
+struct Scratch {
+    // The scalars of the texels, and of the voxels around them if there is light.
+    Field field;
+    // The voxels of `field` and those around them, if there are voxels without data; otherwise empty.
+    Field around;
+    // The opacities of lit labels and of the labels around them; otherwise empty.
+    Field smoothed;
+    // The gradients of the texels, [3, 18, 18, 18]; empty without light.
+    Array<double, 4> planes;
+    // The gradients of the texels and around them, [3, 20, 20, 20], if there are voxels without data; otherwise empty.
+    Array<double, 4> gradients;
+    // The number of doubles of all parts.
+    int64_t size = 0;
+
+    Scratch(const TexelRules& rules, double* memory) {
+        auto take = [&](int64_t num) {
+            double* part = memory == nullptr ? nullptr : memory + size;
+            size += num;
+            return part;
+        };
+        auto cube = [&](int64_t side) { return Field{take(side * side * side), {side, side, side}}; };
+        auto three = [&](int64_t side) {
+            return Array<double, 4>{take(3 * side * side * side), {3, side, side, side}};
+        };
+        bool is_lit = rules.is_lit, has_absent = rules.voxels.has_absent;
+        field = cube(PADDED_BRICK_SIZE + 2 * is_lit);
+        around = cube(has_absent ? PADDED_BRICK_SIZE + 2 * is_lit + 2 : 0);
+        smoothed = cube(is_lit && rules.voxels.is_labels ? PADDED_BRICK_SIZE + 6 : 0);
+        planes = three(is_lit ? PADDED_BRICK_SIZE : 0);
+        gradients = three(is_lit && has_absent ? PADDED_BRICK_SIZE + 2 : 0);
+    }
+};
+
+// Write the gradients of a brick to `scratch.planes`; NaN at voxels far from any data.
+void fill_planes(const TexelRules& rules, const Array<const int32_t, 1>& cell, const Scratch& scratch) {
+    const auto& [voxels, first, width, factor, m, scale, toward_light, opacities, is_lit] = rules;
+    if (voxels.is_labels) {
+        fill_label_gradients(voxels, cell, m, opacities, toward_light, scratch.smoothed, scratch.planes);
+    } else if (voxels.has_absent) {
+        fill_gradients<true>(scratch.around, voxels.raw.shape, cell, m, scale, scratch.gradients);
+        for (int axis = 0; axis < 3; axis++) fill_absent(scratch.gradients[axis], scratch.planes[axis]);
+    } else {
+        fill_gradients<false>(scratch.field, voxels.raw.shape, cell, m, scale, scratch.planes);
+    }
+}
+// Return the texels of eight scalars. scalars: NaN at voxels far from any data.
+INLINE Eight normalized(const TexelRules& rules, Eight scalars) {
+    scalars = where(mask_of(scalars != scalars), in_all<Eight>(rules.first), scalars);
+    Eight inside = (scalars * rules.factor - rules.first * rules.factor) / rules.width;
+    return min_of(max_of(inside, in_all<Eight>(-MAX_NORMALIZED_SCALAR)), in_all<Eight>(MAX_NORMALIZED_SCALAR));
+}
+
+// Write eight gradients to `out` [24], x, y and z of each side by side; 0 in place of NaN.
+template <int... LANE>
+INLINE void store_gradients(Eight x, Eight y, Eight z, float* out, Lanes<LANE...>) {
+    auto rounded = [](Eight values) {
+        values = where(mask_of(values != values), in_all<Eight>(0.0), values);
+        return __builtin_convertvector(values, Vector<float, 8>);
+    };
+    auto two = join(rounded(x), rounded(y)), other = join(rounded(z), rounded(z));
+    auto mixed = __builtin_shufflevector(two, other, (LANE / 3 + LANE % 3 * 8)...);
+    __builtin_memcpy(out, &mixed, 24 * sizeof(float));
+}
+
 }  // namespace
 
-// Write the texels of bricks of voxels.
-Status fill_scalar_texels(const FillScalarTexels* arguments) {
-    const auto [voxels, cells, first, width, factor, m, scale, toward_light, opacities, texels] = *arguments;
+int64_t scratch_size(const TexelRules& rules) { return Scratch(rules, nullptr).size; }
+
+int64_t texel_floats(const TexelRules& rules) {
+    return (rules.is_lit ? 4 : 1) * PADDED_BRICK_SIZE * PADDED_BRICK_SIZE * PADDED_BRICK_SIZE;
+}
+
+bool are_bricks(const TexelRules& rules, const Array<const int32_t, 2>& cells) {
+    return fit_together(rules.voxels, cells);
+}
+
+void make_texels(const TexelRules& rules, const Array<const int32_t, 1>& cell, double* memory, float* texels) {
     constexpr int64_t size = PADDED_BRICK_SIZE, num = size * size * size;
-    const bool is_lit = texels.shape[1] == 4 * num, has_absent = voxels.has_absent;
-    if (!fit_together(voxels, cells) || !has_shape(texels, cells.shape[0], is_lit ? 4 * num : num))
-        return OUT_OF_BOUNDS;
+    const bool is_lit = rules.is_lit, has_absent = rules.voxels.has_absent;
+    const Scratch scratch(rules, memory);
     // Gradients need the voxels next to the texels, and so do the means that replace voxels without data.
-    int64_t margin = is_lit, side = size + 2 * margin, gradient_side = is_lit * (size + 2 * has_absent);
-    Cube field(side), around(side + 2), smoothed(size + 6);
-    Buffer<double> memory(3 * gradient_side * gradient_side * gradient_side), filled(3 * num);
-    if (!field || !around || !smoothed || !memory || !filled) return NO_MEMORY;
-    const Array<double, 4> gradients = {memory.data, {3, gradient_side, gradient_side, gradient_side}};
-    const Array<double, 4> planes = {has_absent ? filled.data : memory.data, {3, size, size, size}};
-    for (int64_t i = 0; i < cells.shape[0]; i++) {
-        load_brick(voxels, cells[i], has_absent ? around.field : field.field);
-        if (has_absent) fill_absent(around.field, field.field);
-        if (is_lit && voxels.is_labels) {
-            fill_label_gradients(voxels, cells[i], m, opacities, toward_light, smoothed.field, gradients);
-        } else if (is_lit && has_absent) {
-            fill_gradients<true>(around.field, voxels.raw.shape, cells[i], m, scale, gradients);
-            for (int axis = 0; axis < 3; axis++) fill_absent(gradients[axis], planes[axis]);
-        } else if (is_lit) {
-            fill_gradients<false>(field.field, voxels.raw.shape, cells[i], m, scale, gradients);
-        }
-        for (int64_t z = 0; z < size; z++)
-            for (int64_t y = 0; y < size; y++)
-                for (int64_t x = 0; x < size; x++) {
-                    double scalar = field.field(z + margin, y + margin, x + margin);
-                    if (is_nan(scalar)) scalar = first;  // a voxel far from any data
-                    double inside = (scalar * factor - first * factor) / width;
-                    float u = (float)least(most(inside, -MAX_NORMALIZED_SCALAR), MAX_NORMALIZED_SCALAR);
-                    if (has_absent) {
-                        bool is_absent = is_nan(around.field(z + margin + 1, y + margin + 1, x + margin + 1));
-                        u = __builtin_bit_cast(float, (__builtin_bit_cast(uint32_t, u) & ~1u) | is_absent);
-                    }
-                    int64_t at = (z * size + y) * size + x;
-                    texels(i, at) = u;
-                    for (int axis = 0; axis < 3 * is_lit; axis++) {
-                        double value = planes(axis, z, y, x);
-                        texels(i, num + 3 * at + axis) = is_nan(value) ? 0 : (float)value;
-                    }
+    load_brick(rules.voxels, cell, has_absent ? scratch.around : scratch.field);
+    if (has_absent) fill_absent(scratch.around, scratch.field);
+    if (is_lit) fill_planes(rules, cell, scratch);
+    for (int64_t z = 0; z < size; z++)
+        for (int64_t y = 0; y < size; y++) {
+            int64_t row = (z * size + y) * size;
+            const double* scalars = &scratch.field(z + is_lit, y + is_lit, is_lit);
+            for_eights(size, [&](int64_t x) __attribute__((always_inline)) {
+                auto u = __builtin_convertvector(normalized(rules, load<Eight>(scalars, x)), Vector<float, 8>);
+                if (has_absent) {
+                    Eight voxels = load<Eight>(&scratch.around(z + is_lit + 1, y + is_lit + 1, is_lit + 1), x);
+                    auto are_absent = __builtin_convertvector(mask_of(voxels != voxels), Vector<int32_t, 8>);
+                    auto bits = __builtin_bit_cast(Vector<int32_t, 8>, u);
+                    u = __builtin_bit_cast(Vector<float, 8>, (bits & ~1) | (are_absent & 1));
                 }
-    }
+                store(texels, row + x, u);
+                if (!is_lit) return;
+                auto of_axis = [&](int axis) { return load<Eight>(&scratch.planes(axis, z, y, 0), x); };
+                store_gradients(of_axis(0), of_axis(1), of_axis(2), texels + num + 3 * (row + x), UpTo<32>());
+            });
+        }
+}
+
+Status fill_scalar_texels(const FillScalarTexels* arguments) {
+    const auto& [rules, cells, slots, texels] = *arguments;
+    if (!are_bricks(rules, cells) || !match(slots, cells) || texels.shape[1] != texel_floats(rules)) return OUT_OF_BOUNDS;
+    for (int64_t i = 0; i < cells.shape[0]; i++)
+        if (slots[i] < 0 || slots[i] >= texels.shape[0]) return OUT_OF_BOUNDS;
+    const Buffer<double> scratch(scratch_size(rules));
+    if (!scratch) return NO_MEMORY;
+    for (int64_t i = 0; i < cells.shape[0]; i++) make_texels(rules, cells[i], scratch.data, texels[slots[i]].data);
     return DONE;
 }

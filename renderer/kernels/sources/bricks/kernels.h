@@ -65,11 +65,9 @@ struct AddNodes {
 };
 KERNEL(add_nodes, AddNodes)
 
-// Make the texels of bricks of level 0, as `scalar_texels` returns them (renderer/bricks/texels.py).
-struct FillScalarTexels {
+// The rules by which the texels of bricks of level 0 are made (renderer/bricks/texels.py).
+struct TexelRules {
     Voxels voxels;
-    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
-    Array<const int32_t, 2> cells;
     // The scalar whose texel is 0: the start of the range to which scalars are normalized.
     double first;
     // The width of the range of scalars, multiplied by `factor`, as `range_width` returns it.
@@ -84,7 +82,19 @@ struct FillScalarTexels {
     double toward_light[3];
     // [labels]: the opacity of a voxel of each label, by the label's number.
     Array<const double, 1> opacities;
-    // [n, 18^3]: the scalars of each brick and its halo; with light [n, 4 * 18^3], with gradients after the scalars.
+    // Whether gradients follow the scalars of a brick.
+    bool is_lit;
+};
+
+// Make the texels of bricks of level 0.
+struct FillScalarTexels {
+    TexelRules rules;
+    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
+    Array<const int32_t, 2> cells;
+    // [n]: the row of `texels` that takes each brick.
+    Array<const int64_t, 1> slots;
+    // [slots, 18^3]: the scalars of bricks and their halo; with light [slots, 4 * 18^3], with gradients after the
+    // scalars.
     Array<float, 2> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)

@@ -10,6 +10,7 @@
 // becomes the nearest.
 #include "draw/kernels.h"
 #include "base/stopping.h"
+#include "draw/atlas.h"
 #include "draw/sample.h"
 #include "draw/spans.h"
 
@@ -207,7 +208,9 @@ void search_spans(const Texels& texels, const SearchRules& rules, double nearnes
 }
 
 // Search the bricks over a tile. Return whether the search was finished, and not stopped.
-bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
+//
+// finder: finds the texels of bricks.
+bool draw_tile(const DrawExtremes& search, const Tile& tile, TexelFinder& finder, int64_t number) {
     const Grid& grid = search.grid;
     const Array<float, 1> pixels = {grid.rays.data, {grid.rays.size()}};
     const double* forward = search.rules.forward;
@@ -218,7 +221,7 @@ bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         if (is_stopped()) return false;
         int64_t brick = grid.numbers[k];
-        if (search.texel_offsets[brick] < 0) continue;
+        if (offset_of(search.voxels, brick) == NOTHING) continue;
         float limit = least((float)search.tops[brick] - search.rules.slack, search.rules.ceiling);
         bool is_look = search.rules.is_sorted && (k - grid.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
         if (is_look && least_found(num_rays, tile) >= limit) break;
@@ -226,14 +229,16 @@ bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
         double nearer = 0.0;
         for (int axis = 0; axis < 3; axis++) nearer += forward[axis] * (box.corner[axis] - TEXEL_OFFSET);
         double nearness = by_depth ? 0.5 + nearer : 0.0;
-        Texels texels = rest_of(search.scalars, search.texel_offsets[brick]);
         for_spans(
             box, search.rays, segments_of(grid, covered_by(grid, brick, window), window, tile, num_rays), tile,
             [&](ClippedFloats found) { return mask_of(found < limit); },
             [&](const auto& along, Range range, ClippedMask hit, int64_t) __attribute__((always_inline)) {
                 return span_of(box, along, range, hit);
             },
-            [&](int64_t num) { search_spans(texels, search.rules, nearness, num, tile, pixels); });
+            [&](int64_t num) {
+                finder.meet(brick);
+                search_spans(finder.texels(brick), search.rules, nearness, num, tile, pixels);
+            });
     }
     return true;
 }
@@ -245,15 +250,19 @@ bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
 Status draw_extremes(const DrawExtremes* arguments) {
     const Grid& grid = arguments->grid;
     const auto& tiles = arguments->tiles;
-    if (!is_consistent(grid, tiles) || !match(arguments->tops, grid.rectangles, arguments->boxes, arguments->texel_offsets))
+    if (!is_consistent(grid, tiles) || !match(arguments->tops, grid.rectangles, arguments->boxes, arguments->voxels.offsets) ||
+        !can_be_made(arguments->voxels))
         return OUT_OF_BOUNDS;
     for (int64_t brick = 0; brick < arguments->boxes.shape[0]; brick++) {
-        int64_t begin = arguments->texel_offsets[brick];
-        if (begin > arguments->scalars.shape[0] - TEXELS_PER_BRICK) return OUT_OF_BOUNDS;
+        int64_t begin = offset_of(arguments->voxels, brick);
+        if (begin > arguments->voxels.texels.shape[0] - TEXELS_PER_BRICK) return OUT_OF_BOUNDS;
     }
     const Tile tile(grid, arguments->rays, MAX_CELLS);
-    if (!tile) return NO_MEMORY;
+    const Buffer<double> scratch(scratch_size(arguments->voxels));
+    const Buffer<float> own(own_size(arguments->voxels));
+    if (!tile || !scratch || !own) return NO_MEMORY;
+    TexelFinder finder = {&arguments->voxels, scratch.data, own, -1};
     for (int64_t k = 0; k < tiles.shape[0]; k++)
-        if (!draw_tile(*arguments, tile, tiles[k])) return STOPPED;
+        if (!draw_tile(*arguments, tile, finder, tiles[k])) return STOPPED;
     return DONE;
 }

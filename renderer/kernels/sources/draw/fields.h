@@ -1,10 +1,8 @@
 // Sample the fields of layers in a brick, and classify and light the samples. Each lane has a sample of its own.
 #pragma once
+#include "draw/atlas.h"
 #include "draw/faces.h"
 #include "draw/mask.h"
-
-// The number of floats of padding behind the last texel of an atlas: loads of whole rows may read so far beyond it.
-constexpr int READ_BEHIND = 2;
 
 // The kinds of bricks, by the meaning of their texels and by their light.
 enum Kind {
@@ -124,6 +122,10 @@ struct ShownLayers {
     const Field** fields;
     // The transfer table of each of `fields`.
     const LaneTable** of_fields;
+    // What finds the texels of each layer, shown or not.
+    TexelFinder* finders;
+    // What finds the texels of each of `fields`.
+    TexelFinder** finders_of_fields;
     // The number of layers that show anything in the brick.
     int64_t num;
     // Whether the texels of the brick are means over all layers.
@@ -137,15 +139,27 @@ struct ShownLayers {
     INLINE void choose(int64_t brick) {
         is_mean = bricks->is_mean[brick], num = 0;
         for (int64_t number = 0; number < (is_mean ? 1 : bricks->fields.shape[0]); number++) {
-            if (bricks->fields[number].texel_offsets[brick] < 0) continue;
+            if (offset_of(bricks->fields[number].voxels, brick) == NOTHING) continue;
             fields[num] = &bricks->fields[number], of_fields[num] = &tables[number];
+            finders_of_fields[num] = &finders[number];
             num++;
         }
     }
 
+    // Return whether the texels of a layer in a brick are there.
+    INLINE bool has_texels(int64_t number, int64_t brick) const {
+        return offset_of(fields[number]->voxels, brick) > NOTHING;
+    }
+
+    // Make the texels of a brick that are missing, as a ray meets it.
+    INLINE void meet(int64_t brick) const {
+        for (int64_t number = 0; number < num; number++) finders_of_fields[number]->meet(brick);
+    }
+
+    // Return the texels of a brick that a ray has met, and those after them.
     INLINE Texels texels(int64_t number, int64_t brick) const {
-        const Field& field = *fields[number];
-        return rest_of(is_mean ? field.means : field.scalars, field.texel_offsets[brick]);
+        if (is_mean) return rest_of(fields[number]->means, fields[number]->voxels.offsets[brick]);
+        return finders_of_fields[number]->texels(brick);
     }
 
     // Return the factor from a sample's extinction to the extinction per model unit.
@@ -186,26 +200,47 @@ struct ShownGroups {
     Buffer<LaneTable> tables;
     Buffer<const Field*> fields;
     Buffer<const LaneTable*> of_fields;
+    Buffer<TexelFinder> finders;
+    Buffer<TexelFinder*> finders_of_fields;
+    // Memory in which missing texels are made.
+    Buffer<double> scratch;
+    // The texels of a brick of each layer, for which the atlas has no room.
+    Buffer<float> own;
     Buffer<ShownLayers> groups;
 
     explicit ShownGroups(const Array<const LayerBricks, 1>& all)
-        : tables(num_fields(all)), fields(tables.shape[0]), of_fields(tables.shape[0]), groups(all.shape[0]) {
+        : tables(over_fields(all, [](int64_t num, const Field&) { return num + 1; })), fields(tables.shape[0]),
+          of_fields(tables.shape[0]), finders(tables.shape[0]), finders_of_fields(tables.shape[0]),
+          scratch(over_fields(all, [](int64_t size, const Field& each) { return most(size, scratch_size(each.voxels)); })),
+          own(over_fields(all, [](int64_t size, const Field& each) { return size + own_size(each.voxels); })),
+          groups(all.shape[0]) {
         if (!*this) return;
-        int64_t first = 0;
+        int64_t first = 0, first_own = 0;
         for (int64_t number = 0; number < all.shape[0]; number++) {
             const auto& layers = all[number].fields;
-            groups[number] = {&all[number], &tables.data[first], &fields.data[first], &of_fields.data[first], 0, false};
-            for (int64_t k = 0; k < layers.shape[0]; k++) tables[first + k] = LaneTable(layers[k].pieces);
+            groups[number] = {&all[number], &tables.data[first], &fields.data[first], &of_fields.data[first],
+                              &finders.data[first], &finders_of_fields.data[first], 0, false};
+            for (int64_t k = 0; k < layers.shape[0]; k++) {
+                int64_t size = own_size(layers[k].voxels);
+                tables[first + k] = LaneTable(layers[k].pieces);
+                finders[first + k] = {&layers[k].voxels, scratch.data, {own.data + first_own, {size}}, -1};
+                first_own += size;
+            }
             first += layers.shape[0];
         }
     }
 
-    explicit operator bool() const { return tables && fields && of_fields && groups; }
+    explicit operator bool() const {
+        return tables && fields && of_fields && finders && finders_of_fields && scratch && own && groups;
+    }
 
-    static int64_t num_fields(const Array<const LayerBricks, 1>& all) {
-        int64_t num = 0;
-        for (int64_t number = 0; number < all.shape[0]; number++) num += all[number].fields.shape[0];
-        return num;
+    // Return the last number of a series that begins with 0: `next(number, field)` follows a number, for each field.
+    template <class Next>
+    static int64_t over_fields(const Array<const LayerBricks, 1>& all, Next next) {
+        int64_t found = 0;
+        for (int64_t number = 0; number < all.shape[0]; number++)
+            for (int64_t k = 0; k < all[number].fields.shape[0]; k++) found = next(found, all[number].fields[k]);
+        return found;
     }
 };
 
@@ -254,10 +289,12 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
 // Return whether the arrays of a field are large enough: for the texels of all bricks, for a piece of the transfer function
 // for each scalar, and for all cells of the light grid.
 inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean) {
-    if (!match(field.texel_offsets, is_mean)) return false;
+    if (!match(field.voxels.offsets, is_mean) || !can_be_made(field.voxels)) return false;
     for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
-        int64_t size = (is_mean[brick] ? field.means : field.scalars).shape[0], offset = field.texel_offsets[brick];
-        if (offset < 0) continue;  // the field shows nothing in this brick
+        int64_t size = is_mean[brick] ? field.means.shape[0] : field.voxels.texels.shape[0];
+        int64_t offset = offset_of(field.voxels, brick);
+        if (offset < NOTHING && is_mean[brick]) return false;
+        if (offset < 0) continue;  // the field shows nothing in this brick, or misses its texels
         bool has_channels = is_mean[brick] || field.has_colors || field.light.exists || field.is_lit;
         int64_t num = (has_channels ? 4 : 1) * TEXELS_PER_BRICK + (has_channels || field.is_labels) * READ_BEHIND;
         if (offset > size - num) return false;

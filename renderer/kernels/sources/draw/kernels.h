@@ -1,5 +1,6 @@
 // The structs that the kernels of this folder take (base/kernels.h).
 #pragma once
+#include "bricks/kernels.h"
 #include "volume/kernels.h"
 #include "transfer/kernels.h"
 #include "view/kernels.h"
@@ -207,15 +208,33 @@ struct FieldMask {
     Array<const bool, 1> are_cut;
 };
 
-// The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
-struct Field {
+// The texels of bricks in an atlas. Missing texels of bricks of voxels are made when a ray first meets their brick
+// (atlas.h).
+struct AtlasTexels {
     // For each brick of voxels, PADDED_BRICK_SIZE^3 texels; if the layer is lit, PADDED_BRICK_SIZE^3 gradients (x, y, z)
     // follow them. If voxels are colours, each texel is (tau c, tau).
-    Array<const float, 1> scalars;
+    Array<float, 1> texels;
+    // [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing, -2 for one
+    // whose texels are missing. Kernels write the positions of the texels that they make.
+    Array<int64_t, 1> offsets;
+    // The rules by which texels are made; None if none are missing.
+    Maybe<TexelRules> rules;
+    // [bricks, 3]: the place (x, y, z) of each brick, in widths of a brick.
+    Sized<const int32_t, 2, 3> cells;
+    // [n]: the positions in `texels` for missing bricks, which are taken in this order. There may be fewer than bricks.
+    Array<const int64_t, 1> free;
+    // [1]: the number of positions of `free` that are taken; more than there are if a brick found none.
+    Array<int64_t, 1> num_taken;
+    // [bricks]: whether a ray has met each brick. Kernels set it.
+    Array<bool, 1> are_met;
+};
+
+// The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
+struct Field {
+    // The texels of bricks of voxels, and the offsets of all bricks, each in its atlas.
+    AtlasTexels voxels;
     // For each brick of means, PADDED_BRICK_SIZE^3 texels (tau c, tau).
     Array<const float, 1> means;
-    // [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing.
-    Array<const int64_t, 1> texel_offsets;
     PiecewiseTransfer pieces;
     // A factor on the layer's extinction.
     float weight;
@@ -314,14 +333,12 @@ struct DrawExtremes {
     RaySetup rays;
     // [bricks, 11]: the boxes of bricks, as in BrickView (renderer/draw/bricks/brick_cache.py).
     Sized<const double, 2, 11> boxes;
-    // [bricks]: the position of each brick's first texel in `scalars`; -1 for a brick that shows nothing.
-    Array<const int64_t, 1> texel_offsets;
     // The numbers of the tiles to draw.
     EACH_CALL Array<const int64_t, 1> tiles;
     // [bricks]: an upper bound of the numbers in each brick.
     Array<const double, 1> tops;
-    // For each brick, PADDED_BRICK_SIZE^3 texels.
-    Array<const float, 1> scalars;
+    // The texels of all bricks: scalars.
+    AtlasTexels voxels;
     SearchRules rules;
 };
 LONG_KERNEL(draw_extremes, DrawExtremes)

@@ -163,7 +163,9 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
             int64_t following = grid.numbers[k + 1];
             shown.choose(following);
             for (int64_t layer = 0; layer < shown.num; layer++)
-                prefetch_brick(box_of(boxes, following), shown.texels(layer, following), shown.has_means(layer) ? 4 : 1);
+                if (shown.has_texels(layer, following))
+                    prefetch_brick(box_of(boxes, following), shown.texels(layer, following),
+                                   shown.has_means(layer) ? 4 : 1);
         }
         int64_t brick = grid.numbers[k];
         shown.choose(brick);
@@ -174,7 +176,10 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
             box, rays, segments_of(grid, covered_by(grid, brick, window), window, tile, num_rays), tile,
             [&](ClippedFloats alphas) { return mask_of(alphas <= scene.termination_alpha); },
             [&](const auto&... clipped) __attribute__((always_inline)) { return span_of(box, tile, clipped...); },
-            [&](int64_t num) { march_brick(scene, shown, brick, box, num, tile, pixels); });
+            [&](int64_t num) {
+                shown.meet(brick);
+                march_brick(scene, shown, brick, box, num, tile, pixels);
+            });
     }
     return true;
 }

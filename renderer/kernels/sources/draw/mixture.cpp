@@ -307,6 +307,7 @@ struct Mixture {
                     Span in_bins = {of_slab(part.enter, packet), of_slab(part.leave, packet)};
                     Mask active = mask_of(in_bins.enter < in_bins.leave) & alive;
                     if (!any_of(active)) continue;
+                    shown[group].meet(brick);
                     in_bins.enter = where(active, in_bins.enter, in_all<Floats>((float)slab.num));
                     in_bins.leave = where(active, in_bins.leave, in_all<Floats>(0.0f));
                     if (is_plain) march<1>(packet, p, group, brick, box, in_bins, own);

@@ -1,0 +1,16 @@
+// Make the texels of bricks of level 0 (renderer/bricks/texels.py).
+#pragma once
+#include "bricks/kernels.h"
+
+// Return the number of doubles of memory that `make_texels` works in.
+int64_t scratch_size(const TexelRules& rules);
+
+// Return the number of floats of the texels of a brick.
+int64_t texel_floats(const TexelRules& rules);
+
+// Return whether all `cells` [n, 3] are bricks of the volume, and each bit pattern has a scalar.
+bool are_bricks(const TexelRules& rules, const Array<const int32_t, 2>& cells);
+
+// Write the texels of a brick. cell: the brick, [3] (x, y, z). memory: room for `scratch_size` numbers. texels: room for
+// `texel_floats` numbers.
+void make_texels(const TexelRules& rules, const Array<const int32_t, 1>& cell, double* memory, float* texels);
