@@ -138,11 +138,8 @@ def measured(tree: dict[str, Any]) -> Figures:
 def taken(command: str, file: Path, shape: Sequence[int]) -> float:
     """Return the seconds of a command that looks at a headerless file."""
     size = ("--shape", ",".join(map(str, shape)), "--dtype", "uint8")
-    extra = ("-o", str(file.with_suffix(".yaml"))) if command == "init" else ()
     begin = time.perf_counter()
-    subprocess.run(
-        [sys.executable, "-m", "hsplat_cli.main", command, str(file), *size, *extra], check=True, capture_output=True
-    )
+    run(command, str(file), *size)
     return time.perf_counter() - begin
 
 
