@@ -135,13 +135,13 @@ def slabs_of(box: Box, chunks: Sequence[int], out: Array) -> Iterator[tuple[tupl
 
     A part ends at the border of a chunk, so that no chunk is decoded for two parts.
     """
-    ranges = [axis for axis, item in enumerate(box) if isinstance(item, slice)]
-    spans = [axis for axis in ranges if box[axis].stop - box[axis].start > chunks[axis]]  # type: ignore[union-attr]
+    ranges = [(axis, item.start, item.stop) for axis, item in enumerate(box) if isinstance(item, slice)]
+    spans = [place for place, (axis, begin, end) in enumerate(ranges) if end - begin > chunks[axis]]
     if not spans:
         yield tuple(box), out
         return
-    axis, place = spans[0], ranges.index(spans[0])
-    begin, end = box[axis].start, box[axis].stop  # type: ignore[union-attr]
+    place = spans[0]
+    axis, begin, end = ranges[place]
     row = max(1, out.nbytes // (end - begin)) * chunks[axis]
     depth = chunks[axis] * max(1, _SLAB_BYTES // row)
     first = begin

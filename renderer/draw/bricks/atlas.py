@@ -9,7 +9,7 @@ and the next picture is assumed to have the same bands. If the least recently us
 brick would be evicted just before it is needed.
 
 Scalars are made by the kernels that draw, when a ray meets a brick. Bricks stay that a ray has met in this picture or
-in the one before. Bricks for which there is no slot are made anew for each tile.
+in the one before. A brick without a slot is made again for each tile.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class Atlas:
         return int(np.count_nonzero(self._slot_from_key[keys] < 0))
 
     def begin_picture(self) -> None:
-        """Note that what follows is drawn for another picture."""
+        """Begin another picture."""
         self._picture += 1
 
     def plan(self, keys: Int64, next_use: Int64) -> None:
