@@ -4,6 +4,7 @@ In: a kind of entry, the facts it was made from, and named arrays. Out: the same
 Nothing is kept without such a folder, and nothing depends on what is found in it but time.
 
 - `cache_folder.py`: the folder of this process; entries, which are whole or missing; the least recently used one goes
+- `kept_arrays.py`: entries with a digest, which are read into memory and compared with it
 """
 
 import lazy_loader

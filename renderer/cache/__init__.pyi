@@ -3,3 +3,4 @@ from .cache_folder import (
     cache_folder as cache_folder,
     caching_in as caching_in,
 )
+from .kept_arrays import NOT_KEPT as NOT_KEPT, KeptArrays as KeptArrays

@@ -16,12 +16,15 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.errors import InputError
 from renderer.system import sources_digest
-from renderer.volume import Array
+
+Array = npt.NDArray[Any]
 
 # The share of a disk's room, free or taken by entries, that entries may take together.
 _SHARE_OF_DISK = 1 / 4
@@ -81,6 +84,15 @@ class CacheFolder:
             pass
         finally:
             shutil.rmtree(making, ignore_errors=True)
+
+    def remove(self, kind: str, facts: object) -> None:
+        """Remove an entry, if it is there. kind, facts: as in `find`."""
+        shutil.rmtree(self._entry(kind, facts), ignore_errors=True)
+
+    def now(self) -> float:
+        """Return the time in seconds, by the clock of the folder's file system. Raises OSError on a full disk."""
+        with tempfile.TemporaryDirectory(prefix=_TEMPORARY, dir=self.path) as made:
+            return Path(made).stat().st_mtime
 
     def _entry(self, kind: str, facts: object) -> Path:
         text = repr((sources_digest(), facts))

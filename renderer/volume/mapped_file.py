@@ -58,18 +58,34 @@ def _file_state(path: Path) -> tuple[int, int, int, int]:
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
+def place_in_file(values: Array) -> int:
+    """Return the byte of a file at which an array begins that is mapped from it, as `backing_file` finds."""
+    root = _mapped_root(values)
+    return int(root.offset) + _address(values) - _address(root)
+
+
+def _address(values: Array) -> int:
+    return int(values.__array_interface__["data"][0])
+
+
 def backing_file(values: Array) -> MappedFile | None:
     """Return the file that an array [z, y, x], or its base array, is mapped from; None for an array in memory.
 
     Raises OSError if the file is missing.
     """
+    root = _mapped_root(values)
+    if root is None or root.filename is None:
+        return None
+    path = Path(root.filename).absolute()
+    return MappedFile(path, _file_state(path))
+
+
+def _mapped_root(values: Array) -> Any:
+    """Return the memmap that an array is a view of, perhaps the array itself; None for an array in memory."""
     base: Any = values
     root: Any = None
     while isinstance(base, np.ndarray):
         if isinstance(base, np.memmap):
             root = base
         base = base.base
-    if root is None or root.filename is None:
-        return None
-    path = Path(root.filename).absolute()
-    return MappedFile(path, _file_state(path))
+    return root
