@@ -6,9 +6,11 @@ Arrays are read into memory, and compared with their digest, before anything use
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -66,6 +68,16 @@ class KeptArrays:
 
 # The entry that is never there.
 NOT_KEPT = KeptArrays(None, "", None)
+
+
+def numbers_to_array(numbers: Any) -> Array:
+    """Return an array that holds plain data: lists, whole numbers and floats, which stay apart. uint8 [n], JSON."""
+    return np.frombuffer(json.dumps(numbers).encode(), np.uint8)
+
+
+def numbers_from_array(array: Array) -> Any:
+    """Return the plain data that `numbers_to_array` turned into an array; tuples have become lists."""
+    return json.loads(array.tobytes())
 
 
 def _digest_of(arrays: Mapping[str, Array]) -> Array:

@@ -13,7 +13,7 @@ from .arrays import (
 from .channel import Channel as Channel
 from .connected_parts import grow as grow, label_parts as label_parts
 from .fingerprint import Fingerprint as Fingerprint
-from .kept_passes import kept_pass as kept_pass
+from .kept_passes import kept_numbers as kept_numbers, kept_pass as kept_pass
 from .label import Label as Label
 from .mapped_file import (
     MappedFile as MappedFile,

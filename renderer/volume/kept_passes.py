@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from typing import Any
 
-from renderer.cache import KeptArrays, cache_folder
+from renderer.cache import KeptArrays, cache_folder, numbers_from_array, numbers_to_array
 from renderer.volume.arrays import Array
 from renderer.volume.mapped_file import MappedFile, place_in_file
 
@@ -42,3 +43,14 @@ def kept_pass(
     if is_settled:
         entry.keep(made)
     return made
+
+
+def kept_numbers(
+    kind: str, values: Array, source: MappedFile | None, make: Callable[[], object], facts: object = ()
+) -> Any:
+    """Return plain data that `make` makes in a pass over voxels, or those that an earlier pass left, as `kept_pass`.
+
+    The data are lists, whole numbers and floats; tuples become lists.
+    """
+    found = kept_pass(kind, values, source, lambda: {"numbers": numbers_to_array(make())}, facts)
+    return numbers_from_array(found["numbers"])

@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from click.testing import CliRunner
 
+from hsplat_cli.commands.info import info
+from hsplat_cli.commands.init import init
 from renderer.cache import caching_in
 from renderer.draw import open_rasterizer
 from renderer.frame import prepare_stage, render_frames
 from renderer.readers import read_volume
 from renderer.resolve import resolve_scene
 from renderer.scene import FilmScene, parse_scene
-from renderer.volume import Array
+from renderer.volume import Array, MappedFile
 
 # Voxels along x, y and z: no multiples of the sides of blocks and bricks.
 SHAPE = (50, 41, 37)
@@ -168,6 +171,33 @@ def test_another_look_after_the_first_one(tmp_path: Path) -> None:
     for look in LOOKS.values():
         changed = {**tree, **look}
         np.testing.assert_array_equal(picture(changed, cache), picture(changed, None))
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "float32", "int32"])
+def test_the_second_look_at_a_volume_passes_over_no_voxels(
+    dtype: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`info` and `init` print the same, with a cache and without one."""
+    tree, cache = scene_of(tmp_path, ball(dtype), "plain"), tmp_path / "cache"
+    file = tree["volume"]["file"]
+
+    def said(*options: str) -> list[str]:
+        results = [
+            CliRunner().invoke(command, [file, *options, *more], catch_exceptions=False)
+            for command, more in ((info, ["--json"]), (init, []))
+        ]
+        assert [result.exit_code for result in results] == [0, 0]
+        return [result.stdout for result in results]
+
+    plain = said()
+    assert said("--cache", str(cache)) == plain
+
+    def of_memory(values: Array, source: MappedFile | None, _: int) -> Iterator[Array]:
+        assert source is None, "the file was read again"
+        return (values[k : k + 1] for k in range(len(values)))
+
+    monkeypatch.setattr("renderer.volume.slabs._slabs", of_memory)
+    assert said("--cache", str(cache)) == plain
 
 
 def changed_files(tree: dict[str, Any]) -> Iterator[Callable[[], None]]:
