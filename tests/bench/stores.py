@@ -18,6 +18,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,7 +35,7 @@ from renderer.draw import open_rasterizer
 from renderer.frame import prepare_stage, render_frames
 from renderer.readers import read_volume
 from renderer.resolve import resolve_scene
-from renderer.scene import parse_scene
+from renderer.scene import parse_scene, with_tolerance
 from renderer.volume import Array, UInt8
 
 PAGE = PAGES / "stores.md"
@@ -47,7 +48,9 @@ CHUNK = 64
 PLANES = CHUNK
 SIZE = [512, 512]
 NUM_FRAMES = 24
+# The accuracy that the level is chosen for, and the tolerance of drawing.
 DECIBELS = 40
+TOLERANCE = 0.1
 # The seconds that the server waits before each answer.
 LATENCY = 0.02
 # Scalars of the shell around the object, of its inside, and of the noise beyond, and the largest noise.
@@ -168,7 +171,7 @@ def measured(case: Case) -> Figures:
     with caching_in(Path(case.cache) if case.cache else None):
         scene = parse_scene(scene_of(case), base=Path("/"))
         begin = time.perf_counter()
-        scene = resolve_scene(scene, read_volume)
+        scene = with_tolerance(resolve_scene(scene, read_volume), TOLERANCE)
         resolved = time.perf_counter() - begin
         with (
             prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS) as stage,
@@ -203,7 +206,7 @@ def scene_of(case: Case) -> dict[str, Any]:
         "transfer_function": {"points": points},
         "camera": {"path": {"type": "turntable", "frames": NUM_FRAMES, "elevation": case.elevation}},
         "output": {"file": "/film.mp4", "size": SIZE},
-        "error": {"psnr": DECIBELS} if "level" not in case.keys else {"tolerance": 0.1},
+        "error": {"psnr": DECIBELS},
     }
 
 
@@ -230,8 +233,11 @@ class Memory:
 
 
 def _children(process: int) -> list[int]:
-    tasks = Path(f"/proc/{process}/task").iterdir()
-    return [int(number) for task in tasks for number in (task / "children").read_text().split()]
+    found = list[int]()
+    for task in Path(f"/proc/{process}/task").iterdir():
+        with suppress(OSError):  # the thread has ended
+            found += map(int, (task / "children").read_text().split())
+    return found
 
 
 def _memory_of(process: int) -> tuple[int, int]:
@@ -252,8 +258,8 @@ def write_store(folder: Path, shape: Sequence[int]) -> None:
         arrays[0][first : first + PLANES].write(planes(shape, first)).result()
     for source, target in pairwise(arrays):
         for first in range(0, target.shape[0], PLANES):
-            part = source[2 * first : min(2 * (first + PLANES), source.shape[0])].read().result()
-            target[first : first + PLANES].write(halves(part)).result()
+            last = min(first + PLANES, target.shape[0])
+            target[first:last].write(halves(source[2 * first : 2 * last].read().result())).result()
     scales = [[{"type": "scale", "scale": [2.0**k] * 3}] for k in range(NUM_LEVELS)]
     datasets = [{"path": str(k), "coordinateTransformations": scale} for k, scale in enumerate(scales)]
     axes = [{"name": name, "type": "space"} for name in "zyx"]
