@@ -61,6 +61,10 @@ class CacheFolder:
             return None
         return found
 
+    def remove(self, kind: str, facts: object) -> None:
+        """Remove an entry, if there is one. kind, facts: as in `find`."""
+        shutil.rmtree(self._entry(kind, facts), ignore_errors=True)
+
     def add(self, kind: str, facts: object, arrays: Mapping[str, Array]) -> None:
         """Keep arrays as an entry. kind, facts: as in `find`. The names of arrays are names of files."""
         with self.adding(kind, facts) as entry:

@@ -20,7 +20,12 @@ from .mapped_file import (
     backing_file as backing_file,
 )
 from .mask import meet_mask as meet_mask
-from .slabs import iter_slabs as iter_slabs, map_slabs as map_slabs, watched_passes as watched_passes
+from .slabs import (
+    iter_slabs as iter_slabs,
+    map_slabs as map_slabs,
+    tell_pass as tell_pass,
+    watched_passes as watched_passes,
+)
 from .truncation_guard import guard_mapping as guard_mapping
 from .volume import (
     Volume as Volume,

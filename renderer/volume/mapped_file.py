@@ -26,21 +26,27 @@ class MappedFile:
     """A file that voxels are mapped from, and its state when it was opened.
 
     path: its absolute path. state: its device and inode, which identify it under any name; its size; the time of its
-        last change.
+        last change. may_go: whether its name may be removed, or given to another file: mapped voxels stay.
     """
 
     path: Path
     state: tuple[int, int, int, int]
+    may_go: bool = False
 
     def require_unchanged(self) -> None:
-        """Raise InputError if the file is missing, was replaced, has another length, or was written to."""
+        """Raise InputError if the file is missing, was replaced, has another length, or was written to.
+
+        A file that may go may be missing or replaced.
+        """
         got = expected = None
         try:
             state = _file_state(self.path)
         except OSError as error:
+            if self.may_go:
+                return
             change, got = "was removed", error.strerror
         else:
-            if state == self.state:
+            if state == self.state or (self.may_go and state[:2] != self.state[:2]):
                 return
             size, old_size = state[2], self.state[2]
             change = "was written to"
