@@ -89,10 +89,6 @@ class CacheFolder:
         finally:
             shutil.rmtree(making, ignore_errors=True)
 
-    def remove(self, kind: str, facts: object) -> None:
-        """Remove an entry, if it is there. kind, facts: as in `find`."""
-        shutil.rmtree(self._entry(kind, facts), ignore_errors=True)
-
     def now(self) -> float:
         """Return the time in seconds, by the clock of the folder's file system. Raises OSError on a full disk."""
         with tempfile.TemporaryDirectory(prefix=_TEMPORARY, dir=self.path) as made:

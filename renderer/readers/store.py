@@ -61,8 +61,8 @@ STATEMENTS = FormatTable(
 
 # The address space, in bytes, that the threads of tensorstore reserve and do not use: memory pools of 64 MiB each.
 _RESERVED_BYTES = 1 << 30
-# The number of chunks that are held at a time, encoded or decoded, beside the voxels: 32 requests, and 4 decoders with two
-# each.
+# The number of chunks that are held at a time, encoded or decoded, beside the voxels: 32 requests, and two of each of
+# 4 decoders.
 _NUM_HELD_CHUNKS = 40
 # The slope and the intercept of stored numbers that are values.
 _NO_SCALING = (1.0, 0.0)
