@@ -38,6 +38,7 @@ def volume_of(kind: str) -> Volume:
     bases[..., 2:] %= 100  # bricks without high scalars around them
     values = bases.repeat(16, 0).repeat(16, 1).repeat(16, 2)[tuple(map(slice, SHAPE))]
     values = values + np.where(values == 20, 0, rng.integers(0, 5, SHAPE))
+    values[:, :32, 40:] = 20  # bricks of one scalar, with all bricks around them
     values[0, 0, :2] = 0, 255
     dtype = "float32" if kind == "absent" else "uint8" if kind == "masked" else kind
     values = values.astype(dtype)

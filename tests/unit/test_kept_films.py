@@ -230,6 +230,36 @@ def test_another_look_reads_no_bricks_that_it_does_not_show(
     assert not np.array_equal(picture(changed, None), plain)
 
 
+def of_two_labels(folder: Path) -> list[dict[str, Any]]:
+    """Return the scenes of a volume of two labels, each of which shows one of them."""
+    values = np.full((64, 64, 128), 1, np.uint8)
+    values[..., 64:] = 2
+    return [scene_of(folder, values, {"labels": {"opacity": 0.5, "hide": [label]}}) for label in (1, 2)]
+
+
+def of_two_masks(folder: Path) -> list[dict[str, Any]]:
+    """Return the scenes of a volume: the maximum in one half, and light in the other half."""
+    tree = scene_of(folder, two_blocks("uint8"), LOOK)
+    mask = folder / "mask.npy"
+    np.save(mask, np.repeat(np.uint8([1, 2]), 64) + np.zeros((64, 64, 1), np.uint8))
+    os.utime(mask, (1000, 1000))
+    masks = [{"mask": {"file": str(mask), "spacing": [1, 1, 1.5], "show": [label]}} for label in (1, 2)]
+    return [{**tree, **masks[0], "mode": {"type": "maximum"}}, {**tree, **masks[1]}]
+
+
+@pytest.mark.parametrize("make", [of_two_labels, of_two_masks])
+def test_ranges_of_voxels_that_a_look_changed_are_not_kept(
+    make: Callable[[Path], list[dict[str, Any]]], tmp_path: Path
+) -> None:
+    one, other = make(tmp_path)
+    cache = tmp_path / "cache"
+    picture(one, cache)
+    assert "bricks" in kinds_in(cache) and "ranges" not in kinds_in(cache)
+    plain = picture(other, None)
+    assert plain.any()
+    np.testing.assert_array_equal(picture(other, cache), plain)
+
+
 @pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "float32", "int32"])
 def test_the_second_look_at_a_volume_passes_over_no_voxels(
     dtype: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

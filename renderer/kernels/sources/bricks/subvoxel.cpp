@@ -425,7 +425,7 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
             clear_beyond_border(voxels, cells[i], around.field);
         }
         bool is_whole = !voxels.has_absent || fill_absent(around.field, low.field);
-        Range range = range_of(low.field);
+        Range range = voxels.has_absent || voxels.is_labels ? range_of(low.field) : of_voxels;
         // The mean of equal numbers may differ from them in its last place.
         ranges(z, y, x, 0) = least(of_voxels.low, range.low), ranges(z, y, x, 1) = most(of_voxels.high, range.high);
         if (!(range.low <= range.high)) continue;
