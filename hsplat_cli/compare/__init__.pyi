@@ -1,11 +1,18 @@
-from .comparison import compare_frames as compare_frames
-from .frame_difference import COMPARISON_METRICS as COMPARISON_METRICS, FrameDifference as FrameDifference
-from .golden.provenance import parse_date as parse_date
-from .golden.update import GoldenOptions as GoldenOptions, update_goldens as update_goldens
-from .report_files import ReportFiles as ReportFiles, comparison_table as comparison_table
-from .scene_pairs import load_reproducible_job as load_reproducible_job
-from .strictness import (
-    STRICTNESSES as STRICTNESSES,
-    exceeded_limits as exceeded_limits,
-    severity as severity,
+from .ci_files import github_lines as github_lines, summary_markdown as summary_markdown
+from .comparison import ComparisonRequest as ComparisonRequest, compare as compare, require_match as require_match
+from .golden.acceptance import (
+    Decision as Decision,
+    parse_decision as parse_decision,
+    plan_acceptance as plan_acceptance,
 )
+from .golden.project import SceneRules as SceneRules, find_project as find_project, parse_rules as parse_rules
+from .golden.update import (
+    GoldenOptions as GoldenOptions,
+    GoldenUpdate as GoldenUpdate,
+    plan_update as plan_update,
+    update_goldens as update_goldens,
+)
+from .limit import LIMIT_FIELD as LIMIT_FIELD, Limit as Limit
+from .outcome import ComparedFilm as ComparedFilm, ComparedFrame as ComparedFrame, Comparison as Comparison
+from .report_source import open_report_source as open_report_source
+from .terminal_text import comparison_text as comparison_text

@@ -12,16 +12,15 @@ import pytest
 
 @pytest.fixture(scope="session")
 def assert_frames_match() -> Callable[..., None]:
-    """Return a function that fails the test, with a table, if frames exceed their limits.
+    """Return a function that fails the test, with the reasons, if frames exceed their limit.
 
-    golden, actual: as on the command line: images, folders, templates or films, or a scene and its folder of goldens.
-    level: the name of a strictness, which replaces the file of limits beside the goldens. limits: the limit of each
-    metric by its name; None removes a limit. html: an .html file for a page of the worst frames, which is written also
-    if all frames match.
+    places: as on the command line: scenes, folders, patterns or a golden.yaml; or two sets of pictures, of which the
+    first is golden. limit: `same bytes`, `stated accuracy`, or decibels. goldens: the folder of all goldens. report: a
+    folder for the report.
 
-    The function raises AssertionError if frames differ, and InputError if they cannot be compared.
+    The function raises AssertionError if frames differ, or if they cannot be compared.
     """
     # Imported here: other test suites should not wait for numpy.
-    from hsplat_cli.compare.comparison import require_match
+    from hsplat_cli.compare import require_match
 
     return require_match

@@ -1,0 +1,264 @@
+"""Read a project of goldens: the scenes, the folder of each one's goldens, their frames and limits.
+
+A project is a file `golden.yaml`, all of whose keys may be left out:
+
+    scenes: [scenes/*.yaml]
+    goldens: goldens
+    frames: ::10
+    limit: same bytes
+    pictures: files
+    each:
+      scenes/engine.yaml: {limit: 45 dB, frames: 0:10}
+
+Without the file, scenes, folders of scenes and patterns on the command line are the project; the goldens of
+`scenes/engine.yaml` are then in `scenes/goldens/engine`.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from hsplat_cli.compare.golden.golden_folder import GoldenFolder
+from hsplat_cli.compare.limit import LIMIT_FIELD, Limit
+from hsplat_cli.compare.picture_file import file_content
+from renderer.errors import InputError, Problem
+from renderer.scene import (
+    MAX_SCENE_BYTES,
+    TreeEditor,
+    counted,
+    did_you_mean,
+    first_few,
+    format_location,
+    join_keys,
+    parse_yaml_file,
+    raise_problems,
+    schema,
+)
+
+PROJECT_FILE = "golden.yaml"
+_SCENE_SUFFIXES = (".yaml", ".yml")
+# The suffix of a film's sidecar, which stands for its scene where it is named itself.
+_SIDECAR_SUFFIX = ".json"
+# The folder of all goldens, beside the scenes or the file of the project.
+_GOLDENS = "goldens"
+
+# Whether goldens are kept as picture files, or as digests in golden.json alone.
+Pictures = Literal["files", "digests"]
+
+
+@dataclass(frozen=True)
+class SceneRules:
+    """The rules for the goldens of a scene; None for a rule that is not given.
+
+    frames: a Python slice of the frames that `hsplat golden` stores first. limit: the largest difference that passes.
+    pictures: how goldens are kept.
+    """
+
+    frames: str | None = None
+    limit: Annotated[Limit | None, LIMIT_FIELD] = None
+    pictures: Pictures | None = None
+
+    def over(self, other: SceneRules) -> SceneRules:
+        """Return these rules, with those of `other` where one is not given."""
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return replace(other, **given)
+
+
+@dataclass(frozen=True)
+class GoldenScene:
+    """A scene of a project. name: the path of the scene in the project, without a suffix. file: the scene's file."""
+
+    name: str
+    file: Path
+    folder: GoldenFolder
+    rules: SceneRules
+
+
+@dataclass(frozen=True)
+class GoldenProject:
+    """A project of goldens.
+
+    root: the folder to which the names of scenes are relative. scenes: at least one, in the order of names. unused:
+    folders of goldens that belong to no scene of the project, which are found only in a project with a file.
+    """
+
+    root: Path
+    scenes: Sequence[GoldenScene]
+    unused: Sequence[Path] = ()
+
+
+@dataclass(frozen=True)
+class _ProjectFile:
+    """The content of golden.yaml."""
+
+    scenes: Annotated[
+        tuple[str, ...] | None, schema.sequence_field(schema.TEXT_FIELD, "a list of scenes and patterns")
+    ] = None
+    goldens: str = _GOLDENS
+    frames: str | None = None
+    limit: Annotated[Limit | None, LIMIT_FIELD] = None
+    pictures: Pictures | None = None
+    each: Annotated[
+        Mapping[str, SceneRules],
+        schema.mapping_field(schema.dataclass_field(SceneRules), "a mapping of scenes to their rules", "a scene"),
+    ] = field(default_factory=dict)
+
+
+def parse_rules(frames: str | None, limit: str | None, pictures: Pictures | None = None) -> SceneRules:
+    """Return the rules that options give. Raises SceneError for a wrong limit."""
+    problems: list[Problem] = []
+    found = None if limit is None else schema.read_option(LIMIT_FIELD, limit, f"--limit {limit}", problems)
+    raise_problems(problems)
+    return SceneRules(frames, found, pictures)
+
+
+def find_project(places: Sequence[str], goldens: Path | None = None, rules: SceneRules | None = None) -> GoldenProject:
+    """Find the scenes that a command line names, and their goldens.
+
+    places: scenes, sidecars of films, folders of scenes or of a golden.yaml, patterns, or a golden.yaml; without any,
+    the golden.yaml of this folder. goldens: the folder of all goldens, if the command line names one. rules: the rules of
+    the command line, which come before those of files.
+    Raises InputError where there is no scene, and SceneError for mistakes in golden.yaml.
+    """
+    rules, found = rules or SceneRules(), dict[Path, GoldenScene]()
+    roots, unused = list[Path](), list[Path]()
+    for place in places or [PROJECT_FILE]:
+        for path in _expanded(place):
+            project = _project_at(path, goldens, rules)
+            roots.append(project.root)
+            unused += project.unused
+            for scene in project.scenes:
+                found.setdefault(scene.file.resolve(), scene)
+    return _checked(_joined([Path(os.path.abspath(root)) for root in roots], [*found.values()], unused))
+
+
+def _joined(roots: Sequence[Path], scenes: Sequence[GoldenScene], unused: Sequence[Path]) -> GoldenProject:
+    """Return one project of the scenes of several; their names are relative to the folder that all have in common."""
+    root = Path(os.path.commonpath(roots))
+    if len(set(roots)) > 1:
+        scenes = [replace(scene, name=_name(scene.file, root)) for scene in scenes]
+    return GoldenProject(root, sorted(scenes, key=lambda scene: scene.name), unused)
+
+
+def _checked(project: GoldenProject) -> GoldenProject:
+    """Raise InputError if two scenes of a project would share their goldens."""
+    owners = dict[Path, GoldenScene]()
+    for scene in project.scenes:
+        other = owners.setdefault(scene.folder.path.resolve(), scene)
+        if other is not scene:
+            raise InputError(
+                "two scenes would have the same folder of goldens",
+                where=str(scene.file),
+                got=f"{scene.folder.path}, as of {other.file}",
+                hint="rename one of them, or name both in a golden.yaml",
+            )
+    return project
+
+
+def _expanded(place: str) -> list[Path]:
+    """Return the files and folders that a scene, a folder or a pattern names. Raises InputError if there are none."""
+    if not place:
+        raise InputError("an empty name", expected="a scene, a folder, or a pattern such as scenes/*.yaml")
+    if Path(place).exists() or not glob.has_magic(place):
+        return [Path(place)]
+    found = [Path(each) for each in sorted(glob.glob(place, recursive=True)) if _is_scene_name(each)]
+    if not found:
+        raise InputError("no scene matches this pattern", where=place, hint=f"it is relative to {Path.cwd()}")
+    return found
+
+
+def _is_scene_name(name: str) -> bool:
+    path = Path(name)
+    return path.suffix.lower() in _SCENE_SUFFIXES and path.name != PROJECT_FILE and not path.name.startswith(".")
+
+
+def _project_at(path: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject:
+    """Return the project at a path: of a golden.yaml, of a folder, or of one scene."""
+    if path.is_dir():
+        if os.path.lexists(path / PROJECT_FILE):
+            return _read_project(path / PROJECT_FILE, goldens, rules)
+        files = sorted(file for file in path.iterdir() if _is_scene_name(file.name))
+        if not files:
+            raise InputError("no scenes in this folder", where=str(path), expected=f"*.yaml, or a {PROJECT_FILE}")
+        scenes = [_scene(file, path, path / _GOLDENS if goldens is None else goldens, rules) for file in files]
+        return GoldenProject(path, scenes)
+    if path.name == PROJECT_FILE:
+        return _read_project(path, goldens, rules)
+    if path.suffix.lower() not in (*_SCENE_SUFFIXES, _SIDECAR_SUFFIX):
+        got = f"a {path.suffix} file" if path.suffix else "no suffix"
+        raise InputError("not a scene", where=str(path), got=got, expected=f"a .yaml file, a folder, or {PROJECT_FILE}")
+    root = path.parent
+    return GoldenProject(root, [_scene(path, root, root / _GOLDENS if goldens is None else goldens, rules)])
+
+
+def _scene(file: Path, root: Path, goldens: Path, rules: SceneRules) -> GoldenScene:
+    name = _name(file, root)
+    return GoldenScene(name, file, GoldenFolder(goldens / name.replace("../", "")), rules)
+
+
+def _name(file: Path, root: Path) -> str:
+    """Return the name of a scene: its path from a folder, without a suffix."""
+    return Path(os.path.relpath(file, root)).with_suffix("").as_posix()
+
+
+def _read_project(path: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject:
+    """Read a golden.yaml. Raises InputError, and SceneError with all mistakes in it."""
+    tree = parse_yaml_file(file_content(path, MAX_SCENE_BYTES, f"a {PROJECT_FILE}"), path)
+    problems: list[Problem] = []
+    node = schema.TreeNode({} if tree.data is None else tree.data, "", problems)
+    read: Any = schema.dataclass_field(_ProjectFile).read(node)
+    raise_problems(TreeEditor(tree, path).located_problems(problems))
+    root = path.parent
+    folder = root / read.goldens if goldens is None else goldens
+    common = SceneRules(read.frames, read.limit, read.pictures)
+    files = sorted(set(_listed_scenes(root, read.scenes, path)))
+    by_place = {(root / name).resolve(): name for name in read.each}
+    places = {name: format_location(path, tree.locations[join_keys("each", name)].key) for name in read.each}
+    names = [_relative(file, root) for file in files]
+    raise_problems(
+        Problem("", "no such scene in the project", name, hint=did_you_mean(name, names), location=places[name])
+        for place, name in by_place.items()
+        if place not in {file.resolve() for file in files}
+    )
+    scenes = []
+    for file in files:
+        name = by_place.get(file.resolve())
+        own = read.each[name] if name is not None else SceneRules()
+        scenes.append(_scene(file, root, folder, rules.over(own.over(common))))
+    return GoldenProject(root, scenes, [*_unused(folder, scenes)])
+
+
+def _relative(file: Path, root: Path) -> str:
+    return Path(os.path.relpath(file, root)).as_posix()
+
+
+def _listed_scenes(root: Path, listed: Sequence[str] | None, path: Path) -> Iterator[Path]:
+    """Yield the scenes of a project's file: those that it lists, or all in its folder."""
+    for entry in listed if listed is not None else ["*.yaml", "*.yml"]:
+        if Path(entry).is_absolute() or ".." in Path(entry).parts:
+            raise InputError("a scene outside the project", where=str(path), got=entry, expected="a path below it")
+        found = [root / each for each in sorted(glob.glob(entry, root_dir=root, recursive=True))]
+        files = [file for file in found if _is_scene_name(file.name) and file.is_file()]
+        if not files and listed is not None:
+            raise InputError("no scene has this name", where=str(path), got=entry, expected="a scene, or a pattern")
+        yield from files
+    if listed is None and not any(_is_scene_name(file.name) for file in root.iterdir()):
+        raise InputError("a project without scenes", where=str(path), expected="scenes: [scenes/*.yaml]")
+
+
+def _unused(folder: Path, scenes: Sequence[GoldenScene]) -> Iterator[Path]:
+    """Yield the folders with a golden.json that belong to no scene."""
+    used = {scene.folder.path.resolve() for scene in scenes}
+    for record in sorted(folder.rglob("golden.json")) if folder.is_dir() else ():
+        if record.parent.resolve() not in used and not record.parent.name.startswith("golden."):
+            yield record.parent
+
+
+def unused_error(unused: Sequence[Path]) -> str:
+    """Return why goldens without a scene are a failure."""
+    return f"{counted(len(unused), 'folder')} of goldens without a scene: {first_few([str(each) for each in unused])}"

@@ -1,0 +1,108 @@
+"""Read a report, from its folder or from a ZIP archive of it, which anybody may have edited.
+
+Names of pictures must be those that a report gives, no link is followed, and sizes are checked before memory is taken.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import stat
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol
+
+from hsplat_cli.compare.outcome import REPORT, Comparison
+from hsplat_cli.compare.picture_file import MAX_FILE_BYTES, file_content
+from hsplat_cli.compare.report_folder import REPORT_FILE
+from renderer.errors import InputError
+
+# The names of pictures in a report.
+_PICTURE = re.compile(r"films/[0-9]{1,6}/(?:old|new)/[^/\\]{1,200}\.png")
+# The most entries of an archive: two pictures for each frame of a thousand films of a thousand frames.
+_MAX_ENTRIES = 2_000_000
+
+
+class ReportSource(Protocol):
+    """A report that can be read."""
+
+    path: Path
+
+    def read(self, name: str, max_bytes: int) -> bytes:
+        """Return the content of a file. Raises InputError if it is missing, no plain file, or too large."""
+
+
+class _Folder:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def read(self, name: str, max_bytes: int) -> bytes:
+        place = self.path / name
+        steps = [place, *place.parents[: len(Path(name).parts) - 1]]
+        if any(step.is_symlink() for step in steps):
+            raise InputError("a link in a report", where=str(place), expected="a plain file")
+        return file_content(place, max_bytes, f"{name} of a report")
+
+
+class _Archive:
+    def __init__(self, path: Path, archive: zipfile.ZipFile) -> None:
+        self.path, self._archive = path, archive
+
+    def read(self, name: str, max_bytes: int) -> bytes:
+        try:
+            entry = self._archive.getinfo(name)
+        except KeyError:
+            raise InputError("a file is missing in this report", where=str(self.path), got=name) from None
+        mode = entry.external_attr >> 16
+        if entry.is_dir() or entry.flag_bits & 1 or (stat.S_IFMT(mode) not in (0, stat.S_IFREG)):
+            raise InputError("not a plain file in this report", where=str(self.path), got=name)
+        too_large = InputError(
+            "too large a file in this report", where=str(self.path), got=name, expected=f"at most {max_bytes} bytes"
+        )
+        if entry.file_size > max_bytes:
+            raise too_large
+        try:
+            with self._archive.open(entry) as file:
+                content = file.read(max_bytes + 1)
+        except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, zlib.error) as error:
+            raise InputError("a damaged file in this report", where=str(self.path), got=name) from error
+        if len(content) > max_bytes:
+            raise too_large
+        return content
+
+
+@contextlib.contextmanager
+def open_report_source(path: Path) -> Iterator[ReportSource]:
+    """Open a report: its folder, its report.json, or a ZIP archive of the folder. Raises InputError for others."""
+    if path.name == REPORT_FILE and path.is_file():
+        path = path.parent
+    if path.is_dir():
+        yield _Folder(path)
+        return
+    if not path.exists():
+        raise InputError("no such report", where=str(path), expected="the folder of a report, or a ZIP archive of it")
+    try:
+        archive = zipfile.ZipFile(path)
+    except (zipfile.BadZipFile, OSError, NotImplementedError) as error:
+        raise InputError("not a report", where=str(path), expected="its folder, or a ZIP archive of it") from error
+    with archive:
+        names = archive.namelist()
+        if len(names) > _MAX_ENTRIES or len(set(names)) < len(names):
+            raise InputError("not a report", where=str(path), got="an archive with equal names, or too many")
+        yield _Archive(path, archive)
+
+
+def read_report(source: ReportSource) -> Comparison:
+    """Return the outcomes in a report. Raises InputError, and SceneError with all mistakes in report.json."""
+    path = source.path / REPORT_FILE
+    content = source.read(REPORT_FILE, REPORT.max_bytes)
+    return REPORT.from_json(REPORT.load(content, path), path)
+
+
+def read_report_picture(source: ReportSource, name: str) -> bytes:
+    """Return the content of the file of a picture in a report. Raises InputError for another name."""
+    if not _PICTURE.fullmatch(name) or ".." in name:
+        raise InputError("not a picture of a report", where=str(source.path), got=name)
+    return source.read(name, MAX_FILE_BYTES)
