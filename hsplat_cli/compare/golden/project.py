@@ -121,7 +121,7 @@ def find_project(places: Sequence[str], goldens: Path | None = None, rules: Scen
     """Find the scenes that a command line names, and their goldens.
 
     places: scenes, sidecars of films, folders of scenes or of a golden.yaml, patterns, or a golden.yaml; without any,
-    the golden.yaml of this folder. goldens: the folder of all goldens, if the command line names one. rules: the rules of
+    the golden.yaml of this folder. goldens: the folder of all goldens, if the command line names one. rules: those of
     the command line, which come before those of files.
     Raises InputError where there is no scene, and SceneError for mistakes in golden.yaml.
     """
