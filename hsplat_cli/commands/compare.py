@@ -6,6 +6,7 @@ Exit codes: 0 if all frames pass, 1 if one fails, 2 if a film could not be compa
 from __future__ import annotations
 
 import os
+import secrets
 from pathlib import Path
 
 import click
@@ -54,15 +55,21 @@ def compare(
         parse_rules,
         summary_markdown,
     )
+    from renderer.system import join_lines
 
     rules = parse_rules(frames, limit)
     request = ComparisonRequest(places, rules, goldens, report, overrides, volume)
     comparison = compare_all(request, reporter)
     passes = comparison.verdict == "passes"
-    (reporter.line if passes else reporter.result)(comparison_text(comparison))
+    is_github = os.environ.get("GITHUB_ACTIONS") == "true"
+    text = comparison_text(comparison)
+    if is_github:  # names of files may look like commands of GitHub
+        token = secrets.token_hex()
+        text = join_lines([f"::stop-commands::{token}", *text.splitlines(), f"::{token}::"])
+    (reporter.line if passes else reporter.result)(text)
     if report is not None:
         reporter.line(f"report: {report / 'index.html'}")
-    if os.environ.get("GITHUB_ACTIONS") == "true":
+    if is_github:
         for line in github_lines(comparison):
             reporter.result(line)
         _add_summary(summary_markdown(comparison))
@@ -72,7 +79,9 @@ def compare(
 
 def _add_summary(text: str) -> None:
     """Add a text to the summary of a job of GitHub."""
+    from renderer.film import translate_os_errors
+
     file = os.environ.get("GITHUB_STEP_SUMMARY")
     if file:
-        with Path(file).open("a", encoding="utf-8") as summary:
+        with translate_os_errors(Path(file)), Path(file).open("a", encoding="utf-8") as summary:
             summary.write(text)

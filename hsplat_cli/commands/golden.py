@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from pathlib import Path
@@ -54,12 +55,9 @@ def golden(
     With --accept, nothing is drawn: goldens become the new pictures in the report of a comparison, such as the artifact
     of a CI job.
     """
-    for option, is_given, needed, is_there in (
-        ("--prune", prune, "--update", update),
-        ("--only", bool(only), "--accept", report is not None),
-    ):
-        if is_given and not is_there:
-            raise InputError(f"of no use without {needed}", where=option)
+    given: dict[str, object] = {"--update": update, "--also": also, "--prune": prune, "--frames": frames}
+    given |= {"--accept": report, "--only": only, "--limit": limit}
+    _require_together({option for option, value in given.items() if value not in (None, False, ())})
     # Imported here to keep --help fast.
     from hsplat_cli.compare import (
         GoldenOptions,
@@ -69,29 +67,38 @@ def golden(
         parse_rules,
         plan_acceptance,
         plan_update,
+        scenes_to_draw,
         update_goldens,
     )
-    from hsplat_cli.scenes import SceneRequest
 
     rules = parse_rules(frames, limit, "digests" if digests else None)
     project = find_project(scenes, goldens, rules)
-    if report is not None:
-        for option, is_given in (("--update", update), ("--also", also), ("--frames", frames is not None)):
-            if is_given:
-                raise InputError("of no use with --accept, which draws nothing", where=option)
-        with open_report_source(report) as source:
-            updates = plan_acceptance(source, project, [*map(parse_decision, only)])
-    else:
-        options = GoldenOptions(replaces=update, also=also, prunes=prune)
-        planned = [
-            plan_update(each, SceneRequest(each.file, frames=frames), options, reporter) for each in project.scenes
-        ]
-        updates = [each for each in planned if each is not None]
-    if not updates:
-        reporter.line("nothing changes")
-    elif not update_goldens(updates, reporter, lambda: _confirm(reporter), yes=yes):
-        reporter.result("nothing was written")
-        raise click.exceptions.Exit(1)
+    with contextlib.ExitStack() as sources:
+        if report is not None:
+            source = sources.enter_context(open_report_source(report))
+            updates = plan_acceptance(source, project, [*map(parse_decision, only)], also=also)
+        else:
+            wanted = GoldenOptions(replaces=update, also=also, prunes=prune)
+            drawn = scenes_to_draw(project.scenes, wanted, reporter)
+            planned = [plan_update(each, frames, wanted, reporter, sources) for each in drawn]
+            updates = [each for each in planned if each is not None]
+        if not updates:
+            reporter.line("nothing changes")
+        elif not update_goldens(updates, reporter, lambda: _confirm(reporter), yes=yes):
+            reporter.result("nothing was written")
+            raise click.exceptions.Exit(1)
+
+
+def _require_together(given: set[str]) -> None:
+    """Raise InputError if options are given that have no use together."""
+    for option, needed in (("--prune", "--update"), ("--only", "--accept")):
+        if option in given and needed not in given:
+            raise InputError(f"of no use without {needed}", where=option)
+    if {"--update", "--also"} <= given:
+        raise InputError("one replaces goldens, the other keeps them", where="--update and --also")
+    for option in ("--update", "--frames", "--limit"):
+        if {option, "--accept"} <= given:
+            raise InputError("of no use with --accept, which draws nothing", where=option)
 
 
 def _confirm(reporter: Reporter) -> bool:

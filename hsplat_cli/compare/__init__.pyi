@@ -10,6 +10,7 @@ from .golden.update import (
     GoldenOptions as GoldenOptions,
     GoldenUpdate as GoldenUpdate,
     plan_update as plan_update,
+    scenes_to_draw as scenes_to_draw,
     update_goldens as update_goldens,
 )
 from .limit import LIMIT_FIELD as LIMIT_FIELD, Limit as Limit

@@ -42,9 +42,14 @@ def compare(request: ComparisonRequest, reporter: Reporter) -> Comparison:
 
     A scene that cannot be compared is an outcome of its own. Raises HsplatError if nothing can be compared at all.
     """
-    with open_report(request.report) as report:
-        pair = _pictures(request)
-        films = _scenes(request, report, reporter) if pair is None else [_files(pair, request, report, reporter)]
+    pair = _pictures(request)
+    project = find_project(request.places, request.goldens, request.rules) if pair is None else None
+    with open_report(request.report, _inputs(request, project)) as report:
+        if pair is not None:
+            films = [_files(pair, request, report, reporter)]
+        else:
+            assert project is not None
+            films = _scenes(project, request, report, reporter)
         comparison = Comparison(tuple(films))
         report.write(comparison)
     return comparison
@@ -52,8 +57,20 @@ def compare(request: ComparisonRequest, reporter: Reporter) -> Comparison:
 
 def _pictures(request: ComparisonRequest) -> tuple[Path, Path] | None:
     """Return the two sets of pictures that a request names; None for scenes."""
-    if len(request.places) != 2 or not all(map(is_picture_set, request.places)):
+    pictures = [place for place in request.places if is_picture_set(place)]
+    if not pictures:
         return None
+    if len(pictures) < len(request.places):
+        raise InputError(
+            "scenes are not compared with pictures",
+            got=" and ".join(request.places),
+            expected="scenes, or two sets of pictures",
+            hint=f"`--goldens {pictures[-1]}` names the folder of all goldens",
+        )
+    if len(pictures) != 2:
+        raise InputError(
+            "pictures are compared in pairs", got=" and ".join(pictures), expected="GOLDEN and ACTUAL, or scenes"
+        )
     options: dict[str, object] = {"--goldens": request.goldens, "--frames": request.rules.frames}
     options |= {"--set": request.overrides, "--volume": request.volume}
     for option, value in options.items():
@@ -63,15 +80,24 @@ def _pictures(request: ComparisonRequest) -> tuple[Path, Path] | None:
     return golden, actual
 
 
+def _inputs(request: ComparisonRequest, project: GoldenProject | None) -> list[Path]:
+    """Return the files and folders that a comparison reads, but for what scenes name."""
+    given = [Path(place) for place in request.places]
+    scenes = () if project is None else project.scenes
+    volume = [] if request.volume is None else [Path(request.volume)]
+    return [*given, *(scene.file for scene in scenes), *(scene.folder.path for scene in scenes), *volume]
+
+
 def _files(
     pair: tuple[Path, Path], request: ComparisonRequest, report: ReportFolder, reporter: Reporter
 ) -> ComparedFilm:
     return compare_files(*pair, request.rules.limit or SAME_BYTES, report.pictures(0), reporter)
 
 
-def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter) -> list[ComparedFilm]:
+def _scenes(
+    project: GoldenProject, request: ComparisonRequest, report: ReportFolder, reporter: Reporter
+) -> list[ComparedFilm]:
     """Compare all scenes of a project, one after the other."""
-    project = find_project(request.places, request.goldens, request.rules)
     films = []
     for number, scene in enumerate(project.scenes):
         if len(project.scenes) > 1:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from hsplat_cli.compare.frame_comparison import compare_frame
 from hsplat_cli.compare.limit import Limit
-from hsplat_cli.compare.outcome import Change, ComparedFilm
+from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame
 from hsplat_cli.compare.picture_file import MAX_PIXELS, decode_picture, file_content, is_picture, read_picture
 from hsplat_cli.compare.report_folder import PictureStore
 from hsplat_cli.terminal import Reporter
@@ -88,9 +88,9 @@ def compare_files(golden: Path, actual: Path, limit: Limit, store: PictureStore,
     The paths are as in `_open_pairs`. Raises InputError if nothing can be compared.
     """
     with _open_pairs(golden, actual) as pairs, reporter.progress(len(pairs.names), label="comparing") as bar:
-        frames = []
+        frames = list[ComparedFrame]()
         for name, old, new in pairs.pairs:
-            frame, file = compare_frame(name, old, new, limit), f"{Path(name).stem}.png"
+            frame, file = compare_frame(name, old, new, limit), f"{len(frames):04}.png"
             number = _NUMBER.findall(name)
             frames.append(
                 replace(
@@ -101,8 +101,12 @@ def compare_files(golden: Path, actual: Path, limit: Limit, store: PictureStore,
                 )
             )
             bar.advance()
-    name = f"{golden} and {actual}"
-    return ComparedFilm(name, str(limit), changes=tuple(pairs.changes), notes=tuple(pairs.notes), frames=tuple(frames))
+    name, changes, notes = f"{golden} and {actual}", tuple(pairs.changes), tuple(pairs.notes)
+    film = ComparedFilm(name, str(limit), changes=changes, notes=notes, frames=tuple(frames))
+    if film.verdict == "passes":
+        store.drop()
+        return film.without_pictures
+    return film
 
 
 @contextlib.contextmanager

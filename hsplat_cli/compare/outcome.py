@@ -6,7 +6,7 @@ A film is a scene whose frames were drawn and compared with its goldens, or a se
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -122,17 +122,16 @@ class ComparedFilm:
 
     name: the name of the film: the path of its scene in the project, without a suffix. limit: the limit, as text.
     scene, goldens: the scene's file and the folder of its goldens, relative to the project; empty for pictures.
-    golden_digest: the digest of the golden.json that it was compared with. error: why it was not compared. changes: the
-    keys in which scene, volume, device and versions differ from those of the goldens. notes: notes for the user.
-    outdated: goldens that nothing matches any more. origin: what drew the new frames. flicker: between neighbouring
-    frames, if both pictures of them are known. frames: the frames, in their order.
+    error: why it was not compared. changes: the keys in which scene, volume, device and versions differ from those of
+    the goldens. notes: notes for the user. outdated: goldens that nothing matches any more. origin: what drew the new
+    frames. flicker: between neighbouring frames, if both pictures of them are known. frames: the frames, in their
+    order.
     """
 
     name: str
     limit: str
     scene: str = ""
     goldens: str = ""
-    golden_digest: Annotated[str | None, types.DIGEST] = None
     error: str = ""
     changes: tuple[Change, ...] = ()
     notes: tuple[str, ...] = ()
@@ -164,6 +163,16 @@ class ComparedFilm:
         if num_failing:
             return f"{num_failing} of {counted(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
         return f"{counted(num, 'frame')} {'passes' if num == 1 else 'pass'}: {parts}"
+
+    @property
+    def without_pictures(self) -> ComparedFilm:
+        """Return the outcome for a report that has no pictures of the film."""
+
+        def bare(picture: ReportPicture | None) -> ReportPicture | None:
+            return None if picture is None else replace(picture, file="")
+
+        frames = [replace(frame, old=bare(frame.old), new=bare(frame.new)) for frame in self.frames]
+        return replace(self, frames=tuple(frames))
 
 
 @dataclass(frozen=True)

@@ -17,17 +17,21 @@ import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from hsplat_cli.compare.golden.record import picture_digest
 from hsplat_cli.compare.outcome import REPORT, Comparison, ReportPicture
 from renderer.errors import InputError
-from renderer.film import Pixels, encode_png, translate_os_errors
+from renderer.film import Pixels, encode_png, folder_files, translate_os_errors
+from renderer.scene import read_json_object
 
 REPORT_FILE = "report.json"
 PAGE_FILE = "index.html"
+_PICTURES = "films"
+# All names in a report: a folder with others is not replaced.
+_NAMES = {REPORT_FILE, PAGE_FILE, _PICTURES, "junit.xml", "code-quality.json", "summary.md"}
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ class ReportFolder:
         """Return the place for the pictures of a film. number: the index of the film."""
         if self._making is None:
             return PictureStore(Path(), None)
-        return PictureStore(self._making, self._making / "films" / str(number))
+        return PictureStore(self._making, self._making / _PICTURES / str(number))
 
     def write(self, comparison: Comparison) -> None:
         """Write all files of the report beside the pictures."""
@@ -90,15 +94,17 @@ class ReportFolder:
 
 
 @contextlib.contextmanager
-def open_report(path: Path | None) -> Iterator[ReportFolder]:
+def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[ReportFolder]:
     """Open a report, which gets its name at the end of the block. An earlier report of this name is removed first.
 
-    If the block raises, there is no report. Raises InputError if something else has the name.
+    inputs: files and folders that are read. If the block raises, there is no report. Raises InputError if something
+    else has the name, or if an input is in the earlier report.
     """
     if path is None:
         yield ReportFolder(None, None)
         return
-    _require_replaceable(path)
+    _require_replaceable(path, inputs)
+    path = Path(os.path.abspath(path))
     with translate_os_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(path, ignore_errors=True)
@@ -112,13 +118,32 @@ def open_report(path: Path | None) -> Iterator[ReportFolder]:
         shutil.rmtree(making, ignore_errors=True)
 
 
-def _require_replaceable(path: Path) -> None:
+def _require_replaceable(path: Path, inputs: Iterable[Path]) -> None:
+    """Raise InputError if a report would replace anything but an earlier report, or an empty folder, or an input."""
     if not os.path.lexists(path):
         return
-    is_empty = path.is_dir() and not any(path.iterdir())
-    if path.is_symlink() or not (is_empty or (path.is_dir() and (path / REPORT_FILE).is_file())):
-        got = "a folder with other files" if path.is_dir() else "a file"
-        raise InputError("a report cannot replace this", where=f"--report {path}", got=got, expected="a new name")
+    places = [Path.cwd(), *inputs]
+    place = path.resolve()
+    inside = next((each for each in places if place in (each.resolve(), *each.resolve().parents)), None)
+    if path.is_symlink():
+        got = "a link"
+    elif not path.is_dir():
+        got = "a file"
+    elif inside is not None:
+        got = f"a folder with {inside}, which is read"
+    elif not _is_report(path) and any(folder_files(path)):
+        got = "a folder with other files"
+    else:
+        return
+    raise InputError("a report cannot replace this", where=f"--report {path}", got=got, expected="a new name")
+
+
+def _is_report(path: Path) -> bool:
+    """Return whether a folder is an earlier report, without any other files."""
+    if not {each.name for each in folder_files(path)} <= _NAMES:
+        return False
+    data = read_json_object(path / REPORT_FILE, REPORT.max_bytes) or {}
+    return str(data.get("format")).startswith("hsplat comparison")
 
 
 def _umask() -> int:

@@ -8,21 +8,37 @@ from __future__ import annotations
 import contextlib
 import re
 import stat
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Protocol
 
 from hsplat_cli.compare.outcome import REPORT, Comparison
 from hsplat_cli.compare.picture_file import MAX_FILE_BYTES, file_content
 from hsplat_cli.compare.report_folder import REPORT_FILE
 from renderer.errors import InputError
+from renderer.scene import require_file
 
 # The names of pictures in a report.
 _PICTURE = re.compile(r"films/[0-9]{1,6}/(?:old|new)/[^/\\]{1,200}\.png")
-# The most entries of an archive: two pictures for each frame of a thousand films of a thousand frames.
-_MAX_ENTRIES = 2_000_000
+# The most entries of an archive: two pictures for each frame of a thousand films of a hundred frames. Python keeps
+# about 600 bytes of each.
+_MAX_ENTRIES = 200_000
+# The ways of compression that are read. Others take as much memory as the archive says.
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+# The errors of Python's reader of archives; it raises some that are not documented for damaged ones.
+_ERRORS = (
+    zipfile.BadZipFile,
+    NotImplementedError,
+    RuntimeError,
+    EOFError,
+    OSError,
+    ValueError,
+    struct.error,
+    zlib.error,
+)
 
 
 class ReportSource(Protocol):
@@ -49,14 +65,21 @@ class _Folder:
 class _Archive:
     def __init__(self, path: Path, archive: zipfile.ZipFile) -> None:
         self.path, self._archive = path, archive
+        # Some CI systems pack a report with the folders around it.
+        found = [name for name in archive.namelist() if PurePosixPath(name).name == REPORT_FILE]
+        if len(found) != 1:
+            got = f"an archive with {len(found)} files {REPORT_FILE}"
+            raise InputError("not a report", where=str(path), got=got, expected="an archive of one report")
+        self._prefix = found[0].removesuffix(REPORT_FILE)
 
     def read(self, name: str, max_bytes: int) -> bytes:
         try:
-            entry = self._archive.getinfo(name)
+            entry = self._archive.getinfo(f"{self._prefix}{name}")
         except KeyError:
             raise InputError("a file is missing in this report", where=str(self.path), got=name) from None
         mode = entry.external_attr >> 16
-        if entry.is_dir() or entry.flag_bits & 1 or (stat.S_IFMT(mode) not in (0, stat.S_IFREG)):
+        is_plain = entry.compress_type in _METHODS and stat.S_IFMT(mode) in (0, stat.S_IFREG)
+        if entry.is_dir() or entry.flag_bits & 1 or not is_plain:
             raise InputError("not a plain file in this report", where=str(self.path), got=name)
         too_large = InputError(
             "too large a file in this report", where=str(self.path), got=name, expected=f"at most {max_bytes} bytes"
@@ -66,7 +89,7 @@ class _Archive:
         try:
             with self._archive.open(entry) as file:
                 content = file.read(max_bytes + 1)
-        except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, zlib.error) as error:
+        except _ERRORS as error:
             raise InputError("a damaged file in this report", where=str(self.path), got=name) from error
         if len(content) > max_bytes:
             raise too_large
@@ -83,9 +106,10 @@ def open_report_source(path: Path) -> Iterator[ReportSource]:
         return
     if not path.exists():
         raise InputError("no such report", where=str(path), expected="the folder of a report, or a ZIP archive of it")
+    require_file(path, "the folder of a report, or a ZIP archive of it")
     try:
         archive = zipfile.ZipFile(path)
-    except (zipfile.BadZipFile, OSError, NotImplementedError) as error:
+    except _ERRORS as error:
         raise InputError("not a report", where=str(path), expected="its folder, or a ZIP archive of it") from error
     with archive:
         names = archive.namelist()

@@ -5,20 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from hsplat_cli.compare.golden.drawing import load_golden_job, origin_of_scene
+from hsplat_cli.compare.golden.golden_folder import Content
 from hsplat_cli.compare.golden.project import GoldenProject, GoldenScene
 from hsplat_cli.compare.golden.record import (
-    Golden,
     GoldenPicture,
     GoldenRecord,
     Origin,
     golden_file_name,
     picture_digest,
 )
-from hsplat_cli.compare.golden.update import GoldenUpdate, compact
-from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame
+from hsplat_cli.compare.golden.update import GoldenUpdate, compact, keeps_files, with_picture
+from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame, ReportPicture
 from hsplat_cli.compare.picture_file import decode_picture
 from hsplat_cli.compare.report_source import ReportSource, read_report, read_report_picture
 from hsplat_cli.scenes import SceneRequest
@@ -54,107 +55,162 @@ def parse_decision(text: str) -> Decision:
     return Decision(film, frozenset(frames))
 
 
-def plan_acceptance(source: ReportSource, project: GoldenProject, only: Sequence[Decision]) -> list[GoldenUpdate]:
+def plan_acceptance(
+    source: ReportSource, project: GoldenProject, only: Sequence[Decision], *, also: bool = False
+) -> list[GoldenUpdate]:
     """Plan the changes that make pictures of a report the goldens of a project's scenes.
 
-    only: the films, or frames of them, that are accepted; all that fail if it is empty.
+    The report must stay open until the plan has been carried out.
+
+    only: the films, or frames of them, that are accepted; all that fail if it is empty. also: whether the pictures
+    become further goldens beside those that they were compared with.
     Raises InputError if a scene, its volume or its goldens are not those that were compared, if the report was edited,
-    or if it has nothing to accept. Films that were accepted before are left out.
+    or if it has nothing to accept. Frames that were accepted before are left out.
     """
     report = read_report(source)
-    films = {film.name: film for film in report.films if film.verdict == "fails"}
-    decisions = {decision.film: decision for decision in only} or {name: Decision(name) for name in films}
-    for name in decisions:
-        if name not in films:
-            hint = did_you_mean(name, films)
-            raise InputError("no such film fails in this report", where=str(source.path), got=name, hint=hint)
+    films = {film.name: film for film in report.films}
+    if len(films) < len(report.films):
+        raise InputError("two films of this report have one name", where=str(source.path))
+    failing = [film.name for film in report.films if film.verdict == "fails"]
+    decisions = _by_film(only) if only else dict.fromkeys(failing)
     if not decisions:
         raise InputError("nothing fails in this report", where=str(source.path))
     scenes = {scene.name: scene for scene in project.scenes}
     updates = []
-    for name, decision in decisions.items():
+    for name, frames in decisions.items():
+        if name not in failing:
+            got = f"{name}: {films[name].summary}" if name in films else name
+            hint = None if name in films else did_you_mean(name, failing)
+            raise InputError("no such film fails in this report", where=str(source.path), got=got, hint=hint)
         if name not in scenes:
-            raise InputError("the project has no such scene", where=str(source.path), got=name)
-        update = _plan_film(source, films[name], scenes[name], decision)
+            raise InputError(
+                "the project has no such scene",
+                where=str(source.path),
+                got=name,
+                expected=first_few([*scenes]),
+                hint="name the same scenes, or folders, as for `hsplat compare`",
+            )
+        film = _ReportedFilm(source, films[name], scenes[name])
+        update = film.plan(frames, also=also)
         if update is not None:
             updates.append(update)
     return updates
 
 
-def _plan_film(source: ReportSource, film: ComparedFilm, scene: GoldenScene, decision: Decision) -> GoldenUpdate | None:
-    frames = _accepted(film, decision, source.path)
-    folder, before = scene.folder, scene.folder.find()
-    if before is not None and _are_golden(before, frames):
-        return None  # accepted before, perhaps by a command that was killed afterwards
-    if before is None or folder.digest != film.golden_digest:
-        raise InputError(
-            "these goldens have changed since they were compared",
-            where=str(folder.path),
-            hint="compare again, and accept from the new report",
-        )
-    if film.origin is None:
-        raise InputError("this report does not say what drew the pictures", where=f"{source.path}: {film.name}")
-    job = load_golden_job(SceneRequest(scene.file))
-    _require_same_inputs(film.origin, job, scene.file)
-    contents, goldens = dict[str, bytes](), {golden.frame: golden for golden in before.frames}
-    origins = [*before.origins]
-    if film.origin not in origins:
-        origins.append(film.origin)
-    for frame in frames:
-        golden, content = _golden(source, frame, origins.index(film.origin), job.scene.num_frames)
-        if scene.rules.pictures == "digests":
-            golden = replace(golden, pictures=tuple(replace(each, file=None) for each in golden.pictures))
-        else:
-            contents[golden_file_name(golden.frame, job.scene.num_frames)] = content
-        goldens[golden.frame] = golden
-    is_whole = len(frames) == len(before.frames)
-    flicker = film.flicker.new if is_whole and film.flicker else None
-    ordered = tuple(goldens[number] for number in sorted(goldens))
-    record = compact(GoldenRecord(tuple(origins), ordered, flicker))
-    line = f"{film.name}: {counted(len(frames), 'frame')} accepted"
-    return GoldenUpdate(scene, record, contents, [line], asks=False)
+def _by_film(decisions: Sequence[Decision]) -> dict[str, frozenset[int] | None]:
+    """Return the accepted frames of each film; None for all that fail. Decisions on one film are joined."""
+    found = dict[str, frozenset[int] | None]()
+    for decision in decisions:
+        before = found.get(decision.film, frozenset())
+        found[decision.film] = None if before is None or decision.frames is None else before | decision.frames
+    return found
 
 
-def _accepted(film: ComparedFilm, decision: Decision, path: Path) -> list[ComparedFrame]:
-    """Return the frames of a film that are accepted. Raises InputError if the report has no pictures of them."""
-    failing = {frame.frame: frame for frame in film.failing if frame.frame is not None}
-    wanted = sorted(failing) if decision.frames is None else sorted(decision.frames)
-    unknown = [number for number in wanted if number not in failing]
-    if unknown:
-        raise InputError(
-            "these frames do not fail in this report",
-            where=f"{path}: {film.name}",
-            got=first_few(unknown),
-            expected=first_few(sorted(failing)),
-        )
-    frames = [failing[number] for number in wanted]
-    missing = [frame.name for frame in frames if frame.new is None or not frame.new.file]
-    if missing:
-        raise InputError("no new picture in this report", where=f"{path}: {film.name}", got=first_few(missing))
-    return frames
+@dataclass(frozen=True)
+class _ReportedFilm:
+    """A film of a report whose pictures become golden, and its scene."""
 
+    source: ReportSource
+    film: ComparedFilm
+    scene: GoldenScene
 
-def _are_golden(record: GoldenRecord, frames: Sequence[ComparedFrame]) -> bool:
-    """Return whether the new pictures of all frames are golden already."""
+    def plan(self, numbers: frozenset[int] | None, *, also: bool) -> GoldenUpdate | None:
+        """Return the change that makes frames golden; None if they all are. numbers: None for all that fail."""
+        folder, before = self.scene.folder, self.scene.folder.find()
+        failing = self._failing(numbers)
+        frames = [frame for frame in failing if before is None or not self._is_golden(before, frame)]
+        if not frames:
+            return None  # accepted before, perhaps by a command that was killed afterwards
+        if before is None or not all(_has_same_golden(before, frame) for frame in frames):
+            raise InputError(
+                "these goldens have changed since they were compared",
+                where=str(folder.path),
+                hint="compare again, and accept from the new report",
+            )
+        if self.film.origin is None:
+            raise InputError("this report does not say what drew the pictures", where=self._where)
+        job = load_golden_job(SceneRequest(self.scene.file))
+        _require_same_inputs(self.film.origin, job, self.scene.file)
+        origins = (*before.origins, self.film.origin)
+        goldens, contents = {golden.frame: golden for golden in before.frames}, dict[str, Content]()
+        for frame in frames:
+            assert frame.frame is not None and frame.new is not None
+            self._require_of_job(frame.frame, frame.new, job)
+            picture = GoldenPicture(frame.new.digest, len(origins) - 1, None, frame.new.psnr)
+            golden = with_picture(frame.frame, before.of_frame(frame.frame), picture, also=also)
+            if keeps_files(self.scene.rules, before):
+                name = golden_file_name(frame.frame, job.scene.num_frames, golden.free_number)
+                golden = replace(golden, pictures=(*golden.pictures[:-1], replace(picture, file=name)))
+                contents[name] = partial(self._content, frame.new)
+            goldens[frame.frame] = golden
+        folder.require_changeable([*contents, *before.files], job.input_files())
+        is_whole = len(frames) == len(before.frames)
+        flicker = self.film.flicker.new if is_whole and self.film.flicker else None
+        after = compact(GoldenRecord(origins, tuple(goldens[number] for number in sorted(goldens)), flicker))
+        line = f"{self.film.name}: {counted(len(frames), 'frame')} accepted"
+        return GoldenUpdate(self.scene, before, after, contents, [line], asks=False)
 
-    def is_golden(frame: ComparedFrame) -> bool:
+    @property
+    def _where(self) -> str:
+        return f"{self.source.path}: {self.film.name}"
+
+    def _failing(self, numbers: frozenset[int] | None) -> list[ComparedFrame]:
+        """Return the frames that are accepted. Raises InputError if the report has no pictures of them."""
+        numbered = [(frame.frame, frame) for frame in self.film.failing if frame.frame is not None]
+        failing = dict(numbered)
+        if len(failing) < len(numbered):
+            raise InputError("two frames of this report have one number", where=self._where)
+        wanted = sorted(failing if numbers is None else numbers)
+        unknown = [number for number in wanted if number not in failing]
+        if unknown:
+            raise InputError(
+                "these frames do not fail in this report",
+                where=self._where,
+                got=first_few(unknown),
+                expected=first_few(sorted(failing)),
+            )
+        frames = [failing[number] for number in wanted]
+        missing = [frame.name for frame in frames if frame.new is None or not frame.new.file]
+        if missing:
+            hint = "`hsplat golden --update --prune` removes goldens of frames that the scene lacks"
+            raise InputError("no new picture in this report", where=self._where, got=first_few(missing), hint=hint)
+        return frames
+
+    def _is_golden(self, record: GoldenRecord, frame: ComparedFrame) -> bool:
+        """Return whether the new picture of a frame is golden already."""
         golden = None if frame.frame is None else record.of_frame(frame.frame)
-        return golden is not None and any(frame.new and each.digest == frame.new.digest for each in golden.pictures)
+        if golden is None or frame.new is None:
+            return False
+        return any(each.digest == frame.new.digest and self.scene.folder.holds(each) for each in golden.pictures)
 
-    return all(map(is_golden, frames))
+    def _require_of_job(self, number: int, new: ReportPicture, job: FilmJob) -> None:
+        """Raise InputError unless a new picture is one that the report describes, and that the scene can have."""
+        if number not in frozenset(job.frames):
+            raise InputError("the scene has no such frame", where=self._where, got=f"frame {number}")
+        height, width, _ = decode_picture(self._content(new), self.source.path / new.file).shape
+        if (width, height) != job.scene.output.size:
+            raise InputError(
+                "a picture of another size than the scene's",
+                where=f"{self.source.path}: {new.file}",
+                got=f"{width} x {height} pixels",
+                expected="{} x {} pixels".format(*job.scene.output.size),
+            )
+
+    def _content(self, new: ReportPicture) -> bytes:
+        """Return the content of the file of a new picture. Raises InputError if it is not what the report describes."""
+        content = read_report_picture(self.source, new.file)
+        if picture_digest(decode_picture(content, self.source.path / new.file)) != new.digest:
+            where = f"{self.source.path}: {new.file}"
+            raise InputError("this picture is not the one that the report describes", where=where)
+        return content
 
 
-def _golden(source: ReportSource, frame: ComparedFrame, origin: int, num_frames: int) -> tuple[Golden, bytes]:
-    """Return the golden of a new picture, and the content of its file. Raises InputError if the picture was changed."""
-    assert frame.new is not None and frame.frame is not None
-    content = read_report_picture(source, frame.new.file)
-    digest = picture_digest(decode_picture(content, source.path / frame.new.file))
-    if digest != frame.new.digest:
-        raise InputError(
-            "this picture is not the one that the report describes", where=f"{source.path}: {frame.new.file}"
-        )
-    name = golden_file_name(frame.frame, num_frames)
-    return Golden(frame.frame, (GoldenPicture(digest, origin, name, frame.new.psnr),)), content
+def _has_same_golden(record: GoldenRecord, frame: ComparedFrame) -> bool:
+    """Return whether the golden that a frame was compared with is still one of its goldens."""
+    golden = None if frame.frame is None else record.of_frame(frame.frame)
+    if golden is None or frame.old is None:
+        return golden is None and frame.old is None
+    return any(each.digest == frame.old.digest for each in golden.pictures)
 
 
 def _require_same_inputs(drawn: Origin, job: FilmJob, file: Path) -> None:

@@ -9,21 +9,29 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hsplat_cli.compare.golden.record import GOLDEN_FILE, GOLDEN_RECORD, GOLDEN_RECORD_FILE, GoldenRecord
-from hsplat_cli.compare.picture_file import file_content, is_picture
+from hsplat_cli.compare.golden.record import (
+    GOLDEN_FILE,
+    GOLDEN_RECORD,
+    GOLDEN_RECORD_FILE,
+    GoldenPicture,
+    GoldenRecord,
+    picture_digest,
+)
+from hsplat_cli.compare.picture_file import is_picture, read_picture
 from renderer.errors import InputError
-from renderer.film import bytes_digest, locked_files, sync_to_disk, translate_os_errors
+from renderer.film import WrittenFiles, locked_files, sync_to_disk, translate_os_errors
 from renderer.scene import first_few
 from renderer.system import deferrable_interrupts
 
 _READY = "golden.ready"
 _MAKING = "golden.making"
-# The digest of golden.json where there is none.
-NO_DIGEST = "0" * 32
+
+# Returns the content of a new file. The files of a large project do not fit into memory at once.
+Content = Callable[[], bytes]
 
 
 @dataclass(frozen=True)
@@ -37,24 +45,35 @@ class GoldenFolder:
         place = self._place(GOLDEN_RECORD_FILE)
         return GOLDEN_RECORD.read(place) if os.path.lexists(place) else None
 
-    @property
-    def digest(self) -> str:
-        """Return the digest of golden.json, NO_DIGEST without it. It changes whenever a golden changes."""
-        place = self._place(GOLDEN_RECORD_FILE)
-        if not os.path.lexists(place):
-            return NO_DIGEST
-        return bytes_digest(file_content(place, GOLDEN_RECORD.max_bytes, GOLDEN_RECORD.noun))
-
     def file(self, name: str) -> Path:
         """Return the path of a golden's file, which may be missing."""
         return self._place(name)
+
+    def holds(self, picture: GoldenPicture) -> bool:
+        """Return whether the file of a golden is there as golden.json describes it; golden digests have no file."""
+        if picture.file is None:
+            return True
+        try:
+            return picture_digest(read_picture(self.file(picture.file))) == picture.digest
+        except InputError:
+            return False
+
+    def require_changeable(self, names: Iterable[str], inputs: Iterable[Path]) -> None:
+        """Raise InputError or RenderError if files of these names cannot be written here, or are inputs of the scene.
+
+        names: of all files that may be written or removed, beside golden.json.
+        """
+        files = [self.path / name for name in dict.fromkeys([*names, GOLDEN_RECORD_FILE])]
+        WrittenFiles(files, [self.path / _READY, self.path / _MAKING]).require_harmless(inputs)
+        with locked_files([self.path / GOLDEN_RECORD_FILE]):  # found before minutes of drawing
+            pass
 
     def unlisted(self, record: GoldenRecord) -> list[str]:
         """Return the pictures in the folder that golden.json does not list.
 
         Raises InputError if one of them has the name of a golden: golden.json is older than it.
         """
-        listed = _files(record)
+        listed = record.files
         with translate_os_errors(self.path):
             names = {each.name for each in self.path.iterdir() if is_picture(each.name)}
         others = sorted(names - listed)
@@ -68,52 +87,68 @@ class GoldenFolder:
             )
         return others
 
-    def change(self, record: GoldenRecord, contents: Mapping[str, bytes]) -> None:
+    def change(self, before: GoldenRecord | None, after: GoldenRecord, contents: Mapping[str, Content]) -> None:
         """Replace golden.json and some pictures, and remove pictures that golden.json then does not list.
 
-        contents: the content of each new or changed picture, by its file name. A kill at any moment leaves the goldens
-        as they were, or as they are wanted. Raises InputError or RenderError if they cannot be written.
+        before: the content of golden.json that the change was planned for. contents: the content of each new or changed
+        picture, by its file name. A kill at any moment leaves the goldens as they were, or as they are wanted.
+        Raises InputError if another program has changed the goldens, and InputError or RenderError if they cannot be
+        written.
         """
-        with translate_os_errors(self.path):
-            self.path.mkdir(parents=True, exist_ok=True)
         with locked_files([self.path / GOLDEN_RECORD_FILE]):
             self._finish()
-            making, ready = self.path / _MAKING, self.path / _READY
-            with translate_os_errors(making):
-                shutil.rmtree(making, ignore_errors=True)
-                making.mkdir()
-                for name, content in {**contents, GOLDEN_RECORD_FILE: GOLDEN_RECORD.content(record)}.items():
-                    _write(making / name, content)
-                making.rename(ready)
+            if self.find() != before:
+                hint = "run the command again"
+                raise InputError("another program has changed these goldens", where=str(self.path), hint=hint)
+            self._stage(after, contents)
             with deferrable_interrupts() as defer_interrupts:
                 defer_interrupts()
                 self._finish()
+
+    def _stage(self, record: GoldenRecord, contents: Mapping[str, Content]) -> None:
+        """Write a change into the folder for changes that count."""
+        making = self.path / _MAKING
+        with translate_os_errors(making):
+            shutil.rmtree(making, ignore_errors=True)
+            making.mkdir()
+            try:
+                for name, content in contents.items():
+                    _write(making / name, content())
+                _write(making / GOLDEN_RECORD_FILE, GOLDEN_RECORD.content(record))
+                making.rename(self._ready)
+            except BaseException:
+                shutil.rmtree(making, ignore_errors=True)
+                raise
 
     def _finish(self) -> None:
         """Finish a change that counts: remove what it does not list, and move its files into place.
 
         golden.json comes last, so that after another kill it still tells what is to be removed.
         """
-        ready = self.path / _READY
+        ready = self._ready
         if not ready.is_dir():
             return
         before, after = self.path / GOLDEN_RECORD_FILE, ready / GOLDEN_RECORD_FILE
         with translate_os_errors(ready):
             if os.path.lexists(after) and os.path.lexists(before):
-                for name in _files(GOLDEN_RECORD.read(before)) - _files(GOLDEN_RECORD.read(after)):
+                for name in GOLDEN_RECORD.read(before).files - GOLDEN_RECORD.read(after).files:
                     (self.path / name).unlink(missing_ok=True)
             names = sorted(each.name for each in ready.iterdir())
             for name in sorted(names, key=lambda name: name == GOLDEN_RECORD_FILE):
                 os.replace(ready / name, self.path / name)
             ready.rmdir()
 
+    @property
+    def _ready(self) -> Path:
+        """Return the folder of a change that counts. Raises InputError for a link, whose files are not ours to move."""
+        ready = self.path / _READY
+        if ready.is_symlink():
+            raise InputError("a link in a folder of goldens", where=str(ready), hint="remove it")
+        return ready
+
     def _place(self, name: str) -> Path:
-        ready = self.path / _READY / name
+        ready = self._ready / name
         return ready if os.path.lexists(ready) else self.path / name
-
-
-def _files(record: GoldenRecord) -> set[str]:
-    return {picture.file for golden in record.frames for picture in golden.pictures if picture.file is not None}
 
 
 def _write(path: Path, content: bytes) -> None:

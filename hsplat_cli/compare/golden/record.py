@@ -97,6 +97,13 @@ class Golden:
         tuple[GoldenPicture, ...], schema.sequence_field(schema.dataclass_field(GoldenPicture), "a list of pictures")
     ]
 
+    @property
+    def free_number(self) -> int:
+        """Return the number of the next picture, by which its file is named; larger than MOST_PICTURES if all are."""
+        names = [GOLDEN_FILE.fullmatch(picture.file) for picture in self.pictures if picture.file is not None]
+        used = {int(name[2] or 1) for name in names if name is not None}
+        return min(set(range(1, len(self.pictures) + 2)) - used)
+
 
 def _check_record(node: schema.TreeNode, given: dict[str, Any]) -> None:
     if schema.valid_keys(given, "origins", "frames") != ["origins", "frames"]:
@@ -125,6 +132,11 @@ class GoldenRecord:
     origins: Annotated[tuple[Origin, ...], schema.sequence_field(schema.dataclass_field(Origin), "a list of origins")]
     frames: Annotated[tuple[Golden, ...], _FRAMES]
     flicker: Annotated[float | None, types.AMOUNT] = None
+
+    @property
+    def files(self) -> set[str]:
+        """Return the names of all files."""
+        return {picture.file for golden in self.frames for picture in golden.pictures if picture.file is not None}
 
     def of_frame(self, frame: int) -> Golden | None:
         """Return the golden of a frame; None without one."""

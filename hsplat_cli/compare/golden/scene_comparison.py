@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hsplat_cli.compare.frame_comparison import compare_frame, nearest
+from hsplat_cli.compare.golden.changes import changes_since
 from hsplat_cli.compare.golden.drawing import (
     DrawnFrames,
     default_limit,
@@ -25,7 +26,7 @@ from hsplat_cli.compare.golden.record import (
     picture_digest,
 )
 from hsplat_cli.compare.limit import SAME_BYTES, Limit
-from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame, Flickers
+from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame, Flickers, ReportPicture
 from hsplat_cli.compare.picture_file import decode_picture, file_content
 from hsplat_cli.compare.report_folder import PictureStore
 from hsplat_cli.scenes import SceneRequest
@@ -33,7 +34,7 @@ from hsplat_cli.terminal import Reporter, parse_frames
 from renderer.errors import InputError
 from renderer.film import Pixels
 from renderer.job import FilmJob
-from renderer.scene import first_few, format_value, may_be_json, parse_yaml_file, read_content
+from renderer.scene import first_few
 
 # The most frames of a film whose nearness to the exact picture is measured: the worst ones.
 _MOST_NEARNESS = 3
@@ -48,7 +49,7 @@ def compare_scene(
     Raises InputError if there is no golden of the scene's frames, and the errors of reading the scene and drawing.
     """
     folder = scene.folder
-    record, digest = folder.find(), folder.digest
+    record = folder.find()
     if record is None:
         raise InputError(
             "this scene has no goldens",
@@ -81,8 +82,7 @@ def compare_scene(
             str(limit),
             place(scene.file),
             place(folder.path),
-            digest,
-            changes=tuple(_changes(record, goldens, drawn.origin, scene.file)),
+            changes=tuple(changes_since(record, goldens, drawn.origin, scene.file)),
             notes=(*drawn.record.notes, *_notes(others)),
             outdated=tuple(_outdated(record, goldens, frames, drawn.origin)),
             origin=drawn.origin,
@@ -91,7 +91,7 @@ def compare_scene(
         )
         if film.verdict == "passes":
             store.drop()
-            return _without_pictures(film)
+            return film.without_pictures
         return _with_nearness(film, job, comparer)
 
 
@@ -135,11 +135,10 @@ class _Comparer:
         ]
         frame = nearest(found)
         new = self.store.add("new", kept, content, picture_digest(actual), stated)
-        old, picture = None, golden.pictures[frame.golden - 1]
+        picture = golden.pictures[frame.golden - 1]
+        old = ReportPicture(picture.digest, "", picture.psnr)
         if picture.file is not None and frame.status != "missing":
-            old = self.store.add(
-                "old", kept, file_content(self.folder.file(picture.file)), picture.digest, picture.psnr
-            )
+            old = self.store.add("old", kept, file_content(self.folder.file(picture.file)), old.digest, old.psnr)
         return replace(frame, frame=golden.frame, old=old, new=new)
 
     def _compare_one(self, name: str, golden: GoldenPicture, actual: Pixels, stated: float | None) -> ComparedFrame:
@@ -188,48 +187,6 @@ def _with_nearness(film: ComparedFilm, job: FilmJob, comparer: _Comparer) -> Com
     return replace(film, frames=tuple(frames))
 
 
-def _changes(record: GoldenRecord, goldens: Sequence[Golden], now: Origin, file: Path) -> Iterator[Change]:
-    """Yield the changes of scene, volume, device and versions since the compared goldens were drawn, each once.
-
-    Goldens may have several origins: the changes from the origin that has most in common with this one count.
-    """
-    used = {picture.origin for golden in goldens for picture in golden.pictures}
-    origins = [record.origins[number] for number in sorted(used)]
-    nearest_origin = min(origins, key=lambda origin: (len(origin.changes(now)), origin.device != now.device))
-    found = nearest_origin.changes(now)
-    lines = _lines(file)
-    for path, was, value in found:
-        key = path.removeprefix("scene.")
-        yield Change(key, _text(was), _text(value), _line_of(key, lines))
-    if nearest_origin.device != now.device:
-        yield Change("device", nearest_origin.device, now.device)
-    for name in sorted(nearest_origin.versions.keys() & now.versions):
-        if nearest_origin.versions[name] != now.versions[name]:
-            yield Change(f"version of {name}", nearest_origin.versions[name], now.versions[name])
-
-
-def _lines(file: Path) -> dict[str, int]:
-    """Return the line of each key in the file of a scene, by its dotted path; nothing for a sidecar."""
-    content = read_content(file)
-    if may_be_json(content):
-        return {}
-    locations = parse_yaml_file(content, file).locations
-    return {path: location.key.line for path, location in locations.items()}
-
-
-def _line_of(key: str, lines: Mapping[str, int]) -> int:
-    """Return the line of a key, or of the nearest section around it that the file has; 0 without one."""
-    while key:
-        if key in lines:
-            return lines[key]
-        key = key.rpartition(".")[0]
-    return 0
-
-
-def _text(value: object) -> str:
-    return "" if value is None else format_value(value)
-
-
 def _flickers(record: GoldenRecord, drawn: DrawnFrames) -> Flickers | None:
     """Return the flicker of the goldens and of the drawn frames, if both are known."""
     if record.flicker is None or drawn.flicker is None:
@@ -251,13 +208,3 @@ def _outdated(
 def _notes(unlisted: Sequence[str]) -> Iterator[str]:
     if unlisted:
         yield f"not compared, because golden.json does not list them: {first_few(unlisted)}"
-
-
-def _without_pictures(film: ComparedFilm) -> ComparedFilm:
-    """Return the outcome of a film whose report has no pictures."""
-
-    def bare(frame: ComparedFrame) -> ComparedFrame:
-        sides = {side: replace(picture, file="") for side in ("old", "new") if (picture := getattr(frame, side))}
-        return replace(frame, **sides)
-
-    return replace(film, frames=tuple(map(bare, film.frames)))

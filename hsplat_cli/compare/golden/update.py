@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
+from hsplat_cli.compare.ci_files import change_text
 from hsplat_cli.compare.difference import measure_difference
 from hsplat_cli.compare.frame_comparison import compare_frame
+from hsplat_cli.compare.golden.changes import changes_since
 from hsplat_cli.compare.golden.drawing import DrawnFrames, default_limit, drawn_frames, load_golden_job
-from hsplat_cli.compare.golden.project import GoldenScene
+from hsplat_cli.compare.golden.golden_folder import Content
+from hsplat_cli.compare.golden.project import GoldenScene, SceneRules
 from hsplat_cli.compare.golden.record import (
     MOST_PICTURES,
     Golden,
@@ -20,10 +25,11 @@ from hsplat_cli.compare.golden.record import (
     picture_digest,
 )
 from hsplat_cli.compare.limit import SAME_BYTES, Limit
-from hsplat_cli.compare.picture_file import decode_picture, file_content, read_picture
+from hsplat_cli.compare.picture_file import file_content, read_picture
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, format_table, parse_frames
 from renderer.errors import InputError
+from renderer.film import Pixels
 from renderer.job import FilmJob
 from renderer.scene import counted, first_few
 
@@ -50,57 +56,89 @@ class GoldenOptions:
 class GoldenUpdate:
     """A change of the goldens of one scene.
 
-    record: the new content of golden.json. contents: the content of each new file. lines: the change, in words. asks:
-    whether goldens are replaced or removed, so that the user has to agree.
+    before, after: the content of golden.json that the change was planned for, and the new one. contents: functions that
+    return the content of each new file. lines: the change, in words. asks: whether goldens are replaced or removed, so
+    that the user has to agree.
     """
 
     scene: GoldenScene
-    record: GoldenRecord
-    contents: Mapping[str, bytes]
+    before: GoldenRecord | None
+    after: GoldenRecord
+    contents: Mapping[str, Content]
     lines: Sequence[str]
     asks: bool
 
     def apply(self) -> None:
         """Write the change."""
-        self.scene.folder.change(self.record, self.contents)
+        self.scene.folder.change(self.before, self.after, self.contents)
+
+
+def scenes_to_draw(scenes: Sequence[GoldenScene], options: GoldenOptions, reporter: Reporter) -> list[GoldenScene]:
+    """Return the scenes whose goldens are drawn: without `--update` or `--also`, those that have none.
+
+    Raises InputError if all have goldens, and none of the options says what becomes of them.
+    """
+    if options.replaces or options.also:
+        return [*scenes]
+    found = [scene for scene in scenes if scene.folder.find() is None]
+    if not found:
+        raise InputError(
+            "this scene has goldens" if len(scenes) == 1 else "all scenes have goldens",
+            where=str(scenes[0].folder.path) if len(scenes) == 1 else None,
+            hint="--update replaces them, --also keeps further ones for this machine",
+        )
+    if len(found) < len(scenes):
+        reporter.note(f"{counted(len(scenes) - len(found), 'scene')} with goldens left alone: --update draws all")
+    return found
 
 
 def plan_update(
-    scene: GoldenScene, request: SceneRequest, options: GoldenOptions, reporter: Reporter
+    scene: GoldenScene, frames: str | None, options: GoldenOptions, reporter: Reporter, drawings: ExitStack
 ) -> GoldenUpdate | None:
     """Draw the frames of a scene, and plan how its goldens change; None if they do not.
 
-    Raises InputError if the scene has goldens, and none of the options says what becomes of them.
+    frames: the option of the command line. drawings: keeps the drawn files until the plan has been carried out.
     """
     before = scene.folder.find()
     if before is not None:
         scene.folder.unlisted(before)
-    if before is not None and not (options.replaces or options.also):
-        raise InputError(
-            "this scene has goldens",
-            where=str(scene.folder.path),
-            hint="--update replaces them, --also keeps further ones for this machine",
-        )
-    job = load_golden_job(request)
-    frames = _frames(scene, request.frames, before, job)
+    job = load_golden_job(SceneRequest(scene.file))
+    numbers = _frames(scene, frames, before, job)
+    names = {golden_file_name(frame, job.scene.num_frames) for frame in numbers} | (before.files if before else set())
+    scene.folder.require_changeable(names, job.input_files())
     limit = scene.rules.limit or default_limit(job)
-    with drawn_frames(job, frames, reporter) as drawn:
-        merger = _Merger(scene, before, drawn, job.scene.num_frames, options, limit)
-        goldens = [merger.golden(frame) for frame in frames]
-        lines = [*merger.lines(), *_neighbour_lines(drawn, frames, limit)]
-        record = merger.record(goldens)
-    removed = merger.removed
-    if before == record and not merger.contents:
+    drawn = drawings.enter_context(drawn_frames(job, numbers, reporter))
+    merger = _Merger(scene, before, drawn, job.scene.num_frames, options, limit)
+    goldens = [merger.golden(frame) for frame in numbers]
+    after = merger.record(goldens)
+    if before == after and not merger.contents:
         return None
-    return GoldenUpdate(scene, record, merger.contents, lines, merger.replaces or bool(removed))
+    lines = [*merger.lines(after), *_neighbour_lines(drawn, numbers, limit)]
+    return GoldenUpdate(scene, before, after, merger.contents, lines, merger.replaces)
 
 
 def _frames(scene: GoldenScene, frames: str | None, before: GoldenRecord | None, job: FilmJob) -> list[int]:
     """Return the frames that are drawn: those of the option, or the golden ones, or those of the project."""
-    if frames is None and before is not None:
-        there = frozenset(job.frames)
-        return [golden.frame for golden in before.frames if golden.frame in there]
-    return [*parse_frames(frames or scene.rules.frames, job.scene.num_frames, job.frames)]
+    if frames is not None or before is None:
+        return [*parse_frames(frames or scene.rules.frames, job.scene.num_frames, job.frames)]
+    there = frozenset(job.frames)
+    found = [golden.frame for golden in before.frames if golden.frame in there]
+    if not found:
+        raise InputError(
+            "the scene has none of the frames that have goldens",
+            where=str(scene.file),
+            got=f"frames up to {job.frames[-1]}",
+            expected=f"frame {before.frames[0].frame}, or others listed in {scene.folder.path}",
+            hint="--update --frames : --prune draws all frames anew",
+        )
+    return found
+
+
+def keeps_files(rules: SceneRules, before: GoldenRecord | None) -> bool:
+    """Return whether goldens are kept as files: by the rules, else as they are kept so far."""
+    if rules.pictures is not None:
+        return rules.pictures == "files"
+    return before is None or bool(before.files)
 
 
 class _Merger:
@@ -117,69 +155,84 @@ class _Merger:
     ) -> None:
         self._scene, self._before, self._drawn = scene, before, drawn
         self._num_frames, self._options, self._limit = num_frames, options, limit
+        self._keeps_files = keeps_files(scene.rules, before)
         self._origins = [*before.origins] if before else []
-        self.contents = dict[str, bytes]()
+        self.contents = dict[str, Content]()
         self.replaces = False
-        self.removed = list[Golden]()
         self._rows = list[tuple[str, str]]()
 
     def golden(self, frame: int) -> Golden:
         """Return the golden of a drawn frame, with the pictures that it keeps."""
-        content = file_content(self._drawn.files[frame])
-        picture = decode_picture(content, self._drawn.files[frame])
-        digest, before = picture_digest(picture), self._before.of_frame(frame) if self._before else None
-        same = next((each for each in before.pictures if each.digest == digest), None) if before else None
-        if same is not None and before is not None and (self._is_kept(same) or same.file is None):
-            return before
-        is_file = self._scene.rules.pictures != "digests"
-        others = before.pictures if before is not None and self._options.also else ()
-        if len(others) == MOST_PICTURES:
-            raise InputError("too many goldens of a frame", where=f"{self._scene.folder.path}, frame {frame}")
-        number = len(others) + 1
-        name = golden_file_name(frame, self._num_frames, number) if is_file else None
-        if name is not None:
-            self.contents[name] = content
-        self._note(frame, before, digest)
+        picture, before = read_picture(self._drawn.files[frame]), self._before.of_frame(frame) if self._before else None
+        digest = picture_digest(picture)
+        if before is not None:
+            same = next((each for each in before.pictures if each.digest == digest), None)
+            if same is not None:
+                return self._kept(before, same)
+            if self._options.also and any(self._is_close(each, frame, picture) for each in before.pictures):
+                return before
+        self._note(frame, before)
         psnr = self._drawn.psnr.get(frame)
-        new = GoldenPicture(digest, self._origin(self._drawn.origin), name, psnr)
-        return Golden(frame, (*others, new))
+        new = GoldenPicture(digest, self._origin(self._drawn.origin), None, psnr)
+        golden = with_picture(frame, before, new, also=self._options.also)
+        return self._with_file(golden, new) if self._keeps_files else golden
+
+    def _kept(self, golden: Golden, same: GoldenPicture) -> Golden:
+        """Return a golden of which a picture was drawn again: with a file that was missing, or without files."""
+        if self._keeps_files:
+            is_there = same.file is not None and self._scene.folder.holds(same)
+            return golden if is_there else self._with_file(golden, same)
+        if any(picture.file is not None for picture in golden.pictures):
+            self.replaces = True
+            self._rows.append((golden_file_name(golden.frame, self._num_frames), "kept as a digest alone"))
+        return replace(golden, pictures=tuple(replace(picture, file=None) for picture in golden.pictures))
+
+    def _with_file(self, golden: Golden, picture: GoldenPicture) -> Golden:
+        """Return a golden whose drawn picture has a file."""
+        name = picture.file or golden_file_name(golden.frame, self._num_frames, golden.free_number)
+        self.contents[name] = partial(file_content, self._drawn.files[golden.frame])
+        return replace(
+            golden, pictures=tuple(replace(each, file=name) if each is picture else each for each in golden.pictures)
+        )
+
+    def _is_close(self, golden: GoldenPicture, frame: int, picture: Pixels) -> bool:
+        """Return whether a drawn picture passes as a golden of the frame."""
+        if golden.file is None or not self._scene.folder.holds(golden):
+            return False
+        other = read_picture(self._scene.folder.file(golden.file))
+        psnr = self._drawn.psnr.get(frame)
+        stated = None if golden.psnr is None or psnr is None else (golden.psnr, psnr)
+        return compare_frame("", other, picture, self._limit, stated).passes
 
     def record(self, goldens: Sequence[Golden]) -> GoldenRecord:
         """Return the new content of golden.json, with the goldens of frames that were not drawn."""
         drawn = {golden.frame for golden in goldens}
         rest = [golden for golden in self._before.frames if golden.frame not in drawn] if self._before else []
-        self.removed = rest if self._options.prunes else []
+        if rest and self._options.prunes:
+            self.replaces = True
+            self._rows += [(golden_file_name(each.frame, self._num_frames), "removed") for each in rest]
         kept = [] if self._options.prunes else rest
         frames = tuple(sorted([*goldens, *kept], key=lambda golden: golden.frame))
         return compact(GoldenRecord(tuple(self._origins), frames, None if kept else self._drawn.flicker))
 
-    def lines(self) -> list[str]:
+    def lines(self, after: GoldenRecord) -> list[str]:
         """Return the changes in words."""
-        found = [f"{self._scene.name}: {counted(len(self._rows), 'golden')}"]
-        shown = self._rows[:_MAX_LINES] if self._before else []
+        if self._before is None:
+            return [f"{self._scene.name}: {counted(len(after.frames), 'golden')}"]
+        shown = self._rows[:_MAX_LINES]
+        found = [f"{self._scene.name}: {counted(len(self._rows), 'golden')} of {len(self._before.frames)}"]
         found += [f"  {line}" for line in format_table(shown).splitlines()] if shown else []
-        if self._before and len(self._rows) > len(shown):
+        if len(self._rows) > len(shown):
             found.append(f"  and {len(self._rows) - len(shown)} more")
-        if self._before is not None:
-            changes = self._before.origins[0].changes(self._drawn.origin)
-            found += [f"  {key} was {was!r}, is now {now!r}" for key, was, now in changes[:_MAX_NAMES]]
-        return found
-
-    def _is_kept(self, picture: GoldenPicture) -> bool:
-        """Return whether the file of a golden is there as golden.json describes it."""
-        if picture.file is None:
-            return True
-        try:
-            return picture_digest(read_picture(self._scene.folder.file(picture.file))) == picture.digest
-        except InputError:
-            return False
+        changes = [*changes_since(self._before, self._before.frames, self._drawn.origin, self._scene.file)]
+        return [*found, *(f"  {change_text(change)}" for change in changes[:_MAX_NAMES])]
 
     def _origin(self, origin: Origin) -> int:
         if origin not in self._origins:
             self._origins.append(origin)
         return self._origins.index(origin)
 
-    def _note(self, frame: int, before: Golden | None, digest: str) -> None:
+    def _note(self, frame: int, before: Golden | None) -> None:
         """Note the change of a golden for `lines`."""
         name = golden_file_name(frame, self._num_frames)
         if before is None or self._options.also:
@@ -187,11 +240,22 @@ class _Merger:
             return
         self.replaces = True
         old = before.pictures[0]
-        if old.file is None or not self._is_kept(old):
+        if old.file is None or not self._scene.folder.holds(old):
             self._rows.append((name, "other stored values"))
             return
         pictures = read_picture(self._scene.folder.file(old.file)), read_picture(self._drawn.files[frame])
         self._rows.append((name, compare_frame(name, *pictures, SAME_BYTES).why.partition(";")[0]))
+
+
+def with_picture(frame: int, before: Golden | None, picture: GoldenPicture, *, also: bool) -> Golden:
+    """Return the golden of a frame with another picture, beside those that it has or in place of them.
+
+    Raises InputError if it would have too many.
+    """
+    others = before.pictures if before is not None and also else ()
+    if len(others) == MOST_PICTURES:
+        raise InputError(f"frame {frame} has {MOST_PICTURES} goldens, the most that it can have", where="--also")
+    return Golden(frame, (*others, picture))
 
 
 def compact(record: GoldenRecord) -> GoldenRecord:
@@ -232,5 +296,5 @@ def update_goldens(updates: Sequence[GoldenUpdate], reporter: Reporter, ask: Cal
         return False
     for update in updates:
         update.apply()
-        reporter.line(f"{update.scene.folder.path}: {counted(len(update.record.frames), 'golden')}")
+        reporter.line(f"{update.scene.folder.path}: {counted(len(update.after.frames), 'golden')}")
     return True
