@@ -17,3 +17,28 @@ from .limit import LIMIT_FIELD as LIMIT_FIELD, Limit as Limit
 from .outcome import ComparedFilm as ComparedFilm, ComparedFrame as ComparedFrame, Comparison as Comparison
 from .report_source import open_report_source as open_report_source
 from .terminal_text import comparison_text as comparison_text
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .ci_files import code_quality as code_quality, junit as junit
+from .difference import (
+    PART_PX as PART_PX,
+    Figures as Figures,
+    has_flip as has_flip,
+    measure_difference as measure_difference,
+    measure_flip as measure_flip,
+)
+from .frame_comparison import compare_frame as compare_frame
+from .golden.golden_folder import GoldenFolder as GoldenFolder
+from .golden.record import (
+    GOLDEN_RECORD as GOLDEN_RECORD,
+    Golden as Golden,
+    GoldenPicture as GoldenPicture,
+    GoldenRecord as GoldenRecord,
+    GoldenVolume as GoldenVolume,
+    Origin as Origin,
+    golden_file_name as golden_file_name,
+    picture_digest as picture_digest,
+)
+from .outcome import REPORT as REPORT, Change as Change, Nearness as Nearness
+from .report_source import read_report as read_report, read_report_picture as read_report_picture

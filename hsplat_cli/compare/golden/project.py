@@ -54,6 +54,7 @@ _BELOW = f"a path below the folder of {PROJECT_FILE}"
 
 # Whether goldens are kept as picture files, or as digests in golden.json alone.
 Pictures = Literal["files", "digests"]
+_PICTURES_FIELD: schema.FieldType[Pictures] = schema.choice_field("files", "digests")
 
 # A Python slice of frames, or the number of one.
 _FRAMES = re.compile(r"-?[0-9]{1,9}|(?:-?[0-9]{1,9})?:(?:-?[0-9]{1,9})?(?::[0-9]{0,9})?")
@@ -79,7 +80,7 @@ class SceneRules:
 
     frames: Annotated[str | None, _FRAMES_FIELD] = None
     limit: Annotated[Limit | None, LIMIT_FIELD] = None
-    pictures: Pictures | None = None
+    pictures: Annotated[Pictures | None, _PICTURES_FIELD] = None
 
     def over(self, other: SceneRules) -> SceneRules:
         """Return these rules, with those of `other` where one is not given."""
@@ -120,7 +121,7 @@ class _ProjectFile:
     goldens: str = _GOLDENS
     frames: Annotated[str | None, _FRAMES_FIELD] = None
     limit: Annotated[Limit | None, LIMIT_FIELD] = None
-    pictures: Pictures | None = None
+    pictures: Annotated[Pictures | None, _PICTURES_FIELD] = None
     each: Annotated[
         Mapping[str, SceneRules],
         schema.mapping_field(schema.dataclass_field(SceneRules), "a mapping of scenes to their rules", "a scene"),
