@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from golden_projects import made_project as made_project, project as project
 
 
 @pytest.fixture

@@ -1,0 +1,164 @@
+"""The outcomes for CI: whatever names hold, each format stays what it is."""
+
+from __future__ import annotations
+
+import json
+from xml.etree import ElementTree
+
+import pytest
+
+from hsplat_cli.compare import (
+    REPORT,
+    Change,
+    ComparedFilm,
+    ComparedFrame,
+    Comparison,
+    Nearness,
+    code_quality,
+    comparison_text,
+    github_lines,
+    junit,
+    summary_markdown,
+)
+
+HOSTILE = [
+    "a\n::error::pwned",
+    "a\r::set-output name=x::y",
+    "a%0A::error::b",
+    "a,line=9:b",
+    "<script>alert(1)</script>",
+    "]]>\"'&amp;",
+    "a | b | `c` **d** [e](javascript:f) <img src=x>",
+    "# title",
+    "\x00\x0b\x1b[31m\ufffe\uffff",
+    "\udcff\udcfe",
+    "\u202egnp.exe",
+]
+
+
+def film(name: str, *frames: ComparedFrame, **more: object) -> ComparedFilm:
+    return ComparedFilm(name, "same bytes", f"{name}.yaml", f"goldens/{name}", frames=frames, **more)  # type: ignore[arg-type]
+
+
+def failing(name: str = "frame-0001.png", part_psnr: float = 20.0, nearer: Nearness | None = None) -> ComparedFrame:
+    return ComparedFrame(name, "different", f"why {name}", 1, 30.0, part_psnr, (0, 0), 9.0, 200.0, nearer=nearer)
+
+
+PASSING = ComparedFrame("frame-0000.png", "same", "the same stored values", 0)
+CHANGE = Change("error.tolerance", "0.1", "0.2", 5)
+MIXED = Comparison(
+    (
+        film("a", PASSING),
+        film("b", PASSING, failing(), changes=(CHANGE, Change("device", "x", "y"))),
+        film("c", error="c.yaml: this scene has no goldens"),
+    )
+)
+
+
+def hostile(text: str) -> Comparison:
+    frame = ComparedFrame(text, "different", text, 1, 30.0, 20.0, (0, 0), 9.0, 200.0)
+    return Comparison((film(text, frame, changes=(Change(text, text, text, 3),)), film("z", error=text)))
+
+
+def test_the_worst_comes_first() -> None:
+    assert MIXED.verdict == "not compared"
+    assert MIXED.summary == "3 films: 1 could not be compared, 1 fail, 1 pass"
+    assert [each.name for each in MIXED.worst_first] == ["c", "b", "a"]
+    assert MIXED.films[1].summary == "1 of 2 frames fails: 1 different, 1 the same"
+    frames = [failing("x", 30), failing("y", 10), ComparedFrame("z", "missing", "gone"), PASSING]
+    assert [frame.name for frame in film("a", *frames).failing] == ["z", "y", "x"]
+
+
+def test_a_film_without_a_comparison_does_not_pass() -> None:
+    empty = film("a")
+    assert (empty.verdict, empty.summary) == ("not compared", "no frame was compared")
+
+
+def test_a_report_is_read_as_it_was_written() -> None:
+    near = Comparison((film("a", failing(nearer=Nearness(40.0, 30.0, differs=True)), changes=(CHANGE,)),))
+    for comparison in (MIXED, near, *map(hostile, HOSTILE)):
+        content = REPORT.content(comparison)
+        assert REPORT.from_json(json.loads(content), __file__) == comparison  # type: ignore[arg-type]
+
+
+def test_junit_has_a_case_for_each_frame() -> None:
+    root = ElementTree.fromstring(junit(MIXED))
+    counts = {suite.get("name"): [suite.get(key) for key in ("tests", "failures", "errors")] for suite in root}
+    assert counts == {"c": ["1", "0", "1"], "b": ["2", "1", "0"], "a": ["1", "0", "0"]}
+    (failure,) = root.iter("failure")
+    assert failure.get("message") == "why frame-0001.png"
+    assert failure.text == "limit: same bytes\nerror.tolerance was 0.1, is 0.2\ndevice was x, is y"
+    (error,) = root.iter("error")
+    assert error.get("message") == "c.yaml: this scene has no goldens"
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_junit_is_xml(text: str) -> None:
+    root = ElementTree.fromstring(junit(hostile(text)).encode())
+    assert len(list(root.iter("testcase"))) == 2
+    assert {element.tag for element in root.iter()} <= {"testsuites", "testsuite", "testcase", "failure", "error"}
+
+
+def test_lines_of_github_are_at_the_changed_keys() -> None:
+    assert list(github_lines(MIXED)) == [
+        "::error file=c.yaml,line=1,title=golden film c::c.yaml: this scene has no goldens",
+        "::error file=b.yaml,line=5,title=golden film b::1 of 2 frames fails: 1 different, 1 the same; "
+        "error.tolerance was 0.1, is 0.2",
+    ]
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_a_line_of_github_is_one_command(text: str) -> None:
+    for line in github_lines(hostile(text)):
+        assert "\n" not in line and "\r" not in line and line.isprintable()
+        head, _, _ = line.removeprefix("::error ").partition("::")
+        assert [pair.partition("=")[0] for pair in head.split(",")] == ["file", "line", "title"]
+        assert dict(pair.split("=", 1) for pair in head.split(","))["line"] in ("1", "3")
+        assert "%0A" not in line.replace("%250A", "")
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_a_summary_is_a_table_without_markup(text: str) -> None:
+    lines = summary_markdown(hostile(text)).splitlines()
+    rows = [line for line in lines if line.startswith("| ")]
+    for row in rows:
+        bare = row.replace("\\\\", "").replace("\\|", "")
+        assert bare.count("|") == 5, row
+    whole = "\n".join(lines)
+    assert "<script" not in whole and "<img" not in whole
+    assert "](javascript" not in whole.replace("\\]", "") and "**d**" not in whole
+    assert all(line.isprintable() for line in lines)
+
+
+def test_a_summary_names_the_worst() -> None:
+    many = [film(f"f{number}", *(failing(f"x{each}", each) for each in range(5))) for number in range(4)]
+    lines = summary_markdown(Comparison(tuple(many))).splitlines()
+    assert lines[0] == "### 4 films: 4 fail"
+    assert lines[4] == "| f0 | 5 of 5 frames fail: 5 different | same bytes | 0.0 dB |"
+    assert [line for line in lines if line.startswith("**")] == ["**f0**", "**f1**", "**f2**"]
+    assert lines.count("- and 2 more frames") == 3
+    assert [line for line in lines if line.startswith("- x")][:3] == [f"- x{n}: why x{n}" for n in range(3)]
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_issues_of_code_quality_have_places_and_fingerprints(text: str) -> None:
+    issues = json.loads(code_quality(hostile(text)))
+    assert [(each["location"]["path"], each["location"]["lines"]["begin"]) for each in issues] == [
+        ("z.yaml", 1),
+        (f"{text}.yaml", 3),
+    ]
+    assert len({each["fingerprint"] for each in issues}) == 2
+
+
+def test_the_terminal_names_the_changed_line_and_the_nearer_picture() -> None:
+    near = film("b", failing(nearer=Nearness(40.0, 30.0, differs=True)), changes=(CHANGE,))
+    text = comparison_text(Comparison((near,)))
+    assert text.splitlines()[1:] == [
+        "frame-0001.png  different  why frame-0001.png",
+        "frame-0001.png: further from the exact picture: the golden has 40.0 dB of the exact picture, "
+        "the new one 30.0 dB",
+        "b.yaml:5: error.tolerance was 0.1, is 0.2",
+        "1 of 1 frame fails: 1 different",
+    ]
+    some = film("b", *(failing(f"x{number}") for number in range(12)))
+    assert "... and 2 more frames that fail" in comparison_text(Comparison((some,)))
