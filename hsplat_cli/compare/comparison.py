@@ -42,14 +42,9 @@ def compare(request: ComparisonRequest, reporter: Reporter) -> Comparison:
 
     A scene that cannot be compared is an outcome of its own. Raises HsplatError if nothing can be compared at all.
     """
-    pair = _pictures(request)
-    project = find_project(request.places, request.goldens, request.rules) if pair is None else None
-    with open_report(request.report, _inputs(request, project)) as report:
-        if pair is not None:
-            films = [_files(pair, request, report, reporter)]
-        else:
-            assert project is not None
-            films = _scenes(project, request, report, reporter)
+    with open_report(request.report, _inputs(request)) as report:
+        pair = _pictures(request)
+        films = _scenes(request, report, reporter) if pair is None else [_files(pair, request, report, reporter)]
         comparison = Comparison(tuple(films))
         report.write(comparison)
     return comparison
@@ -80,12 +75,9 @@ def _pictures(request: ComparisonRequest) -> tuple[Path, Path] | None:
     return golden, actual
 
 
-def _inputs(request: ComparisonRequest, project: GoldenProject | None) -> list[Path]:
-    """Return the files and folders that a comparison reads, but for what scenes name."""
-    given = [Path(place) for place in request.places]
-    scenes = () if project is None else project.scenes
-    volume = [] if request.volume is None else [Path(request.volume)]
-    return [*given, *(scene.file for scene in scenes), *(scene.folder.path for scene in scenes), *volume]
+def _inputs(request: ComparisonRequest) -> list[Path]:
+    """Return the files and folders that a command line names."""
+    return [Path(each) for each in (*request.places, request.goldens, request.volume) if each is not None]
 
 
 def _files(
@@ -94,10 +86,9 @@ def _files(
     return compare_files(*pair, request.rules.limit or SAME_BYTES, report.pictures(0), reporter)
 
 
-def _scenes(
-    project: GoldenProject, request: ComparisonRequest, report: ReportFolder, reporter: Reporter
-) -> list[ComparedFilm]:
+def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter) -> list[ComparedFilm]:
     """Compare all scenes of a project, one after the other."""
+    project = find_project(request.places, request.goldens, request.rules)
     films = []
     for number, scene in enumerate(project.scenes):
         if len(project.scenes) > 1:

@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from golden_projects import made_project as made_project, project as project
+from golden_projects import made_project, project
+
+__all__ = ["made_project", "project"]
 
 
 @pytest.fixture

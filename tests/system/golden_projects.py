@@ -63,7 +63,8 @@ def compare(*arguments: str) -> int:
 
 def report(*arguments: str) -> tuple[int, dict[str, Any]]:
     """Return the exit code of a comparison, and the films of its report, by name."""
-    code = compare(*arguments, "--report", "report")
+    places = [] if arguments and not arguments[0].startswith("--") else ["scenes"]
+    code = compare(*places, *arguments, "--report", "report")
     path = Path("report/report.json")
     films = json.loads(path.read_bytes())["films"] if path.exists() else []
     return code, {film["name"]: film for film in films}
@@ -80,6 +81,4 @@ def golden_json(folder: Path = ENGINE) -> dict[str, Any]:
 
 def files(folder: Path = Path()) -> dict[str, bytes]:
     """Return the content of all files below a folder."""
-    return {
-        os.path.join(at, name): Path(at, name).read_bytes() for at, _, names in os.walk(folder) for name in names
-    }
+    return {os.path.join(at, name): Path(at, name).read_bytes() for at, _, names in os.walk(folder) for name in names}

@@ -198,7 +198,10 @@ def test_archives_without_one_report(tmp_path: Path) -> None:
     assert "0 files report.json" in refusal(tmp_path / "none.zip")
 
 
-@pytest.mark.parametrize("content", [b"", b"PK", b"no archive", b"PK\x05\x06" + bytes(18), b"PK\x05\x06" + b"\xff" * 18])
+END = b"PK\x05\x06"
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"no archive", END + bytes(18), END + b"\xff" * 18])
 def test_files_that_are_no_archives(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "report.zip"
     path.write_bytes(content)
