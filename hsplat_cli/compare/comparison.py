@@ -52,6 +52,8 @@ def compare(request: ComparisonRequest, reporter: Reporter) -> Comparison:
 
 def _pictures(request: ComparisonRequest) -> tuple[Path, Path] | None:
     """Return the two sets of pictures that a request names; None for scenes."""
+    if "" in request.places:  # as of an unset variable
+        raise InputError("an empty name", expected="scenes, or two sets of pictures")
     pictures = [place for place in request.places if is_picture_set(place)]
     if not pictures:
         return None

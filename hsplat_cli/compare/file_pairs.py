@@ -329,7 +329,8 @@ def _open_films(golden: Path, actual: Path) -> Iterator[_Pairs]:
     )
     with decode_film(golden, MAX_PIXELS) as goldens, decode_film(actual, MAX_PIXELS) as actuals:
         was, now = (_recorded_accuracy(film) or "not known" for film in (golden, actual))
-        yield _Pairs(names, map(_Pair, names, goldens, actuals), notes, [Change("accuracy", was, now)])
+        changes = [] if was == now else [Change("accuracy", was, now)]
+        yield _Pairs(names, map(_Pair, names, goldens, actuals), notes, changes)
 
 
 def _recorded_accuracy(film: Path) -> str:

@@ -104,7 +104,6 @@ def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[ReportFol
         yield ReportFolder(None, None)
         return
     _require_replaceable(path, inputs)
-    path = Path(os.path.abspath(path))
     with translate_os_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(path, ignore_errors=True)

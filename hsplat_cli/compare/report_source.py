@@ -19,7 +19,7 @@ from hsplat_cli.compare.outcome import REPORT, Comparison
 from hsplat_cli.compare.picture_file import MAX_FILE_BYTES, file_content
 from hsplat_cli.compare.report_folder import REPORT_FILE
 from renderer.errors import InputError
-from renderer.scene import require_file
+from renderer.scene import may_be_json, require_file
 
 # The names of pictures in a report.
 _PICTURE = re.compile(r"films/[0-9]{1,6}/(?:old|new)/[^/\\]{1,200}\.png")
@@ -122,7 +122,7 @@ def read_report(source: ReportSource) -> Comparison:
     """Return the outcomes in a report. Raises InputError, and SceneError with all mistakes in report.json."""
     path = source.path / REPORT_FILE
     content = source.read(REPORT_FILE, REPORT.max_bytes)
-    return REPORT.from_json(REPORT.load(content, path), path)
+    return REPORT.from_json(REPORT.load(content, path) if may_be_json(content) else {}, path)
 
 
 def read_report_picture(source: ReportSource, name: str) -> bytes:

@@ -39,16 +39,18 @@ def compared(tmp_path_factory: pytest.TempPathFactory, made_project: Path) -> Pa
 
 @pytest.fixture(autouse=True)
 def _folder(compared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make a copy of `compared` the current folder. Nothing is drawn, and nobody is asked."""
+    """Make a copy of `compared` the current folder, where nobody can be asked."""
     shutil.copytree(compared, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CI", "true")
-    monkeypatch.setattr("renderer.job.make_film", None)
 
 
 def accept(*only: str, source: str = "report", scenes: str = "scenes", options: tuple[str, ...] = ()) -> int:
+    """Accept frames of a report, and require that nothing is drawn."""
     choices = [word for each in only for word in ("--only", each)]
-    return golden(scenes, "--accept", source, *choices, *options)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("renderer.job.make_film", None)
+        return golden(scenes, "--accept", source, *choices, *options)
 
 
 def refused(capsys: pytest.CaptureFixture[str], *only: str, **more: Any) -> str:
@@ -78,7 +80,7 @@ def edit_report(edit: Callable[[dict[str, Any]], object]) -> None:
 
 
 @pytest.mark.parametrize("source", ["report", "report/report.json", "archive.zip"])
-def test_all_that_fails_is_accepted(source: str, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_all_that_fails_is_accepted(source: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["golden", "scenes", "--accept", source]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "box: 4 frames accepted",
@@ -93,10 +95,9 @@ def test_all_that_fails_is_accepted(source: str, monkeypatch: pytest.MonkeyPatch
     assert files() == before
 
 
-def test_what_is_accepted_is_what_an_update_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_accepted_is_what_an_update_draws() -> None:
     assert accept() == 0
     by_report = files(Path("scenes"))
-    monkeypatch.undo()
     shutil.copytree("scenes", "again/scenes", ignore=shutil.ignore_patterns("goldens"))
     assert golden("again/scenes") == 0
     assert files(Path("again/scenes")) == {f"again/{name}": content for name, content in by_report.items()}
@@ -114,26 +115,23 @@ def test_frames_are_accepted_one_after_the_other() -> None:
     assert accepted() == {"box": [0, 1, 2, 3], "engine": [0, 1, 2, 3]}
 
 
-def test_after_some_frames_are_accepted_the_others_still_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_some_frames_are_accepted_the_others_still_fail() -> None:
     assert accept("engine:1-2") == 0
-    monkeypatch.undo()
     _, films = report()
     assert statuses(films["engine"]) == ["different", "same", "same", "different"]
 
 
-def test_pictures_of_another_machine_join_the_goldens(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_of_another_machine_join_the_goldens() -> None:
     assert accept("engine:0", options=("--also",)) == 0
     assert [len(each["pictures"]) for each in golden_json()["frames"]] == [2, 1, 1, 1]
     assert (ENGINE / "frame-0000-2.png").read_bytes() == (ENGINE_NEW / NAMES[0]).read_bytes()
-    monkeypatch.undo()
     _, films = report()
     assert statuses(films["engine"]) == ["same", "different", "different", "different"]
     assert films["engine"]["frames"][0]["golden"] == 2
 
 
-def test_a_missing_picture_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_picture_is_accepted() -> None:
     """It is the one that golden.json describes, whose file was lost."""
-    monkeypatch.undo()
     edit_scene(*reversed(CHANGE))
     before = files(ENGINE)
     (ENGINE / NAMES[2]).unlink()
@@ -142,8 +140,7 @@ def test_a_missing_picture_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert files(ENGINE) == before
 
 
-def test_digests_are_accepted_as_digests(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.undo()
+def test_digests_are_accepted_as_digests() -> None:
     edit_scene(*reversed(CHANGE))
     assert golden("scenes/engine.yaml", "--update", "--yes", "--digests") == 0
     edit_scene()
@@ -170,8 +167,7 @@ def test_another_name_of_the_film_is_no_other_scene() -> None:
     assert accept("engine") == 0
 
 
-def test_another_volume(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.undo()
+def test_another_volume(capsys: pytest.CaptureFixture[str]) -> None:
     values = np.arange(2048, dtype=np.uint8).reshape(8, 16, 16)
     np.save("scenes/scan.npy", values)
     edit_scene("{procedural: {name: engine_block, shape: [16, 16, 8]}}", "{file: scan.npy}")
@@ -181,17 +177,13 @@ def test_another_volume(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.
     assert "volume.fingerprint" in refused(capsys, "engine")
 
 
-def test_options_of_the_comparison_are_another_scene(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.undo()
+def test_options_of_the_comparison_are_another_scene(capsys: pytest.CaptureFixture[str]) -> None:
     assert compare("scenes", "--set", "error.tolerance=1", "--report", "report") == 1
     assert "changed since the pictures were drawn" in refused(capsys)
 
 
-def test_other_goldens(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_goldens(capsys: pytest.CaptureFixture[str]) -> None:
     """The frame that changed cannot be accepted, the others can."""
-    monkeypatch.undo()
     edit_scene(CHANGE[1], "#00ff00")
     assert golden("scenes/engine.yaml", "--update", "--yes", "--frames", "1") == 0
     edit_scene("#00ff00", CHANGE[1])
@@ -312,10 +304,7 @@ def test_wishes_that_a_report_cannot_meet(only: str, error: str, capsys: pytest.
     assert error in refused(capsys, only)
 
 
-def test_a_film_that_passes_is_not_accepted(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.undo()
+def test_a_film_that_passes_is_not_accepted(capsys: pytest.CaptureFixture[str]) -> None:
     assert golden("scenes/box.yaml", "--update", "--yes") == 0
     assert compare("scenes", "--report", "report") == 1
     assert "got: box: 4 frames pass: 4 the same" in refused(capsys, "box")
@@ -332,17 +321,22 @@ def test_other_scenes_than_those_compared(capsys: pytest.CaptureFixture[str]) ->
 # Kills
 
 
+EVENTS = ("open", "os.mkdir", "os.remove", "os.rename", "os.rmdir")
+
+
 def run_killed(place: int) -> bool:
-    """Accept a report in a child that is killed before its operation of this number on goldens; return whether it was."""
+    """Accept a report in a child that is killed before its operation of this number on goldens.
+
+    Return whether it was killed.
+    """
     child = os.fork()
     if child == 0:
         numbers = count(1)
 
         def kill(event: str, values: tuple[object, ...]) -> None:
-            is_there = bool(values) and "goldens" in str(values[0])
-            if event in ("open", "os.mkdir", "os.remove", "os.rename", "os.rmdir") and is_there:
-                if next(numbers) == place:
-                    os.kill(os.getpid(), signal.SIGKILL)
+            is_golden = event in EVENTS and "goldens" in str(values[0])
+            if is_golden and next(numbers) == place:
+                os.kill(os.getpid(), signal.SIGKILL)
 
         code = 1
         try:

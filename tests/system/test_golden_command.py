@@ -282,8 +282,12 @@ def test_frames_that_cannot_be_golden(capsys: pytest.CaptureFixture[str]) -> Non
     assert "too large to be compared" in capsys.readouterr().err
 
 
-def test_pictures_of_unknown_origin_are_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:
-    edit_sidecar(ENGINE / "golden.json", lambda data: data["frames"].pop())
+@pytest.mark.parametrize("num_listed", [3, 0])
+def test_pictures_of_unknown_origin_are_not_replaced(num_listed: int, capsys: pytest.CaptureFixture[str]) -> None:
+    if num_listed:
+        edit_sidecar(ENGINE / "golden.json", lambda data: data["frames"].pop())
+    else:
+        (ENGINE / "golden.json").unlink()
     before = files()
     assert golden(*UPDATE) == 2
     assert "golden.json does not list all goldens in this folder" in capsys.readouterr().err

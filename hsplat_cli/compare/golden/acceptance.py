@@ -116,7 +116,9 @@ class _ReportedFilm:
 
     def plan(self, numbers: frozenset[int] | None, *, also: bool) -> GoldenUpdate | None:
         """Return the change that makes frames golden; None if they all are. numbers: None for all that fail."""
-        folder, before = self.scene.folder, self.scene.folder.find()
+        folder = self.scene.folder
+        folder.finish()
+        before = folder.find()
         failing = self._failing(numbers)
         frames = [frame for frame in failing if before is None or not self._is_golden(before, frame)]
         if not frames:
@@ -131,12 +133,14 @@ class _ReportedFilm:
             raise InputError("this report does not say what drew the pictures", where=self._where)
         job = load_golden_job(SceneRequest(self.scene.file))
         _require_same_inputs(self.film.origin, job, self.scene.file)
-        origins = (*before.origins, self.film.origin)
+        origins = [*before.origins]
+        if self.film.origin not in origins:
+            origins.append(self.film.origin)
         goldens, contents = {golden.frame: golden for golden in before.frames}, dict[str, Content]()
         for frame in frames:
             assert frame.frame is not None and frame.new is not None
             self._require_of_job(frame.frame, frame.new, job)
-            picture = GoldenPicture(frame.new.digest, len(origins) - 1, None, frame.new.psnr)
+            picture = GoldenPicture(frame.new.digest, origins.index(self.film.origin), None, frame.new.psnr)
             golden = with_picture(frame.frame, before.of_frame(frame.frame), picture, also=also)
             if keeps_files(self.scene.rules, before):
                 name = golden_file_name(frame.frame, job.scene.num_frames, golden.free_number)
@@ -144,9 +148,8 @@ class _ReportedFilm:
                 contents[name] = partial(self._content, frame.new)
             goldens[frame.frame] = golden
         folder.require_changeable([*contents, *before.files], job.input_files())
-        is_whole = len(frames) == len(before.frames)
-        flicker = self.film.flicker.new if is_whole and self.film.flicker else None
-        after = compact(GoldenRecord(origins, tuple(goldens[number] for number in sorted(goldens)), flicker))
+        after = compact(GoldenRecord(tuple(origins), tuple(goldens[number] for number in sorted(goldens))))
+        after = replace(after, flicker=self._flicker(before, after, frames))
         line = f"{self.film.name}: {counted(len(frames), 'frame')} accepted"
         return GoldenUpdate(self.scene, before, after, contents, [line], asks=False)
 
@@ -182,6 +185,13 @@ class _ReportedFilm:
         if golden is None or frame.new is None:
             return False
         return any(each.digest == frame.new.digest and self.scene.folder.holds(each) for each in golden.pictures)
+
+    def _flicker(self, before: GoldenRecord, after: GoldenRecord, frames: Sequence[ComparedFrame]) -> float | None:
+        """Return the flicker of the new goldens; None if they are of two films."""
+        if after.frames == before.frames:
+            return before.flicker
+        is_whole = len(frames) == len(after.frames)
+        return self.film.flicker.new if is_whole and self.film.flicker else None
 
     def _require_of_job(self, number: int, new: ReportPicture, job: FilmJob) -> None:
         """Raise InputError unless a new picture is one that the report describes, and that the scene can have."""

@@ -29,7 +29,8 @@ _OPENGL_LIMIT = Limit("decibels", 40.0)
 class DrawnFrames:
     """Frames that were drawn.
 
-    files: by frame. psnr: the accuracy that each frame states, in dB, if it states one. record: the record of the film.
+    files: by frame. psnr: the accuracy that each frame states, in dB, if it states one: the low end of its interval, as
+    a few exact rays miss the worst pixels. record: the record of the film.
     """
 
     files: Mapping[int, Path]
@@ -98,7 +99,7 @@ def drawn_frames(job: FilmJob, frames: Sequence[int], reporter: Reporter) -> Ite
         record, volume = result.film.record, result.film.record.volume
         assert record.fingerprint is not None, "a single pass has drawn them"
         origin = make_origin(record.fingerprint.depends_on, record.scene, volume.name, volume.shape, volume.dtype)
-        psnr = {each.frame: round(each.accuracy.psnr, 2) for each in record.frames if each.accuracy is not None}
+        psnr = {each.frame: round(each.accuracy.interval[0], 2) for each in record.frames if each.accuracy is not None}
         files = {frame: frame_path(template, frame) for frame in frames}
         yield DrawnFrames(files, psnr, origin, record)
 

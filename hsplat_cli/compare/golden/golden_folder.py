@@ -23,7 +23,7 @@ from hsplat_cli.compare.golden.record import (
 )
 from hsplat_cli.compare.picture_file import is_picture, read_picture
 from renderer.errors import InputError
-from renderer.film import WrittenFiles, locked_files, sync_to_disk, translate_os_errors
+from renderer.film import WrittenFiles, folder_files, locked_files, sync_to_disk, translate_os_errors
 from renderer.scene import first_few
 from renderer.system import deferrable_interrupts
 
@@ -68,15 +68,13 @@ class GoldenFolder:
         with locked_files([self.path / GOLDEN_RECORD_FILE]):  # found before minutes of drawing
             pass
 
-    def unlisted(self, record: GoldenRecord) -> list[str]:
-        """Return the pictures in the folder that golden.json does not list.
+    def unlisted(self, record: GoldenRecord | None) -> list[str]:
+        """Return the pictures in the folder that golden.json does not list. record: its content; None without one.
 
         Raises InputError if one of them has the name of a golden: golden.json is older than it.
         """
-        listed = record.files
-        with translate_os_errors(self.path):
-            names = {each.name for each in self.path.iterdir() if is_picture(each.name)}
-        others = sorted(names - listed)
+        names = {each.name for each in folder_files(self.path) if is_picture(each.name)}
+        others = sorted(names - (record.files if record else set()))
         lost = list(filter(GOLDEN_FILE.fullmatch, others))
         if lost and not (self.path / _READY).is_dir():  # a change that was not finished has not removed them yet
             raise InputError(
@@ -86,6 +84,12 @@ class GoldenFolder:
                 hint=f"restore {GOLDEN_RECORD_FILE}, or move pictures that are not golden elsewhere",
             )
         return others
+
+    def finish(self) -> None:
+        """Finish a change that counts, and whose program was killed."""
+        if self._ready.is_dir():
+            with locked_files([self.path / GOLDEN_RECORD_FILE]):
+                self._finish()
 
     def change(self, before: GoldenRecord | None, after: GoldenRecord, contents: Mapping[str, Content]) -> None:
         """Replace golden.json and some pictures, and remove pictures that golden.json then does not list.

@@ -223,7 +223,8 @@ def _project_at(path: Path, goldens: Path | None, rules: SceneRules) -> GoldenPr
     if path.is_dir():
         files = sorted(file for file in folder_files(path) if _is_scene_name(file.name))
         if not files:
-            raise InputError("no scenes in this folder", where=str(path), expected=f"*.yaml, or a {PROJECT_FILE}")
+            expected, hint = f"*.yaml, or a {PROJECT_FILE}", f"`--goldens {path}` makes it the folder of all goldens"
+            raise InputError("no scenes in this folder", where=str(path), expected=expected, hint=hint)
         return _scenes_of(files, path, goldens, rules)
     _require_scene_name(path)
     return _scenes_of([path], path.parent, goldens, rules)

@@ -99,9 +99,9 @@ def plan_update(
 
     frames: the option of the command line. drawings: keeps the drawn files until the plan has been carried out.
     """
+    scene.folder.finish()
     before = scene.folder.find()
-    if before is not None:
-        scene.folder.unlisted(before)
+    scene.folder.unlisted(before)
     job = load_golden_job(SceneRequest(scene.file))
     numbers = _frames(scene, frames, before, job)
     names = {golden_file_name(frame, job.scene.num_frames) for frame in numbers} | (before.files if before else set())
