@@ -10,14 +10,14 @@ from pathlib import Path
 import click
 
 from hsplat_cli.commands.shared_options import FILE, quiet_option
-from hsplat_cli.terminal import Reporter
+from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
 
 
 @click.command()
 @click.argument("scenes", nargs=-1, metavar="[SCENE|FOLDER|PATTERN]...")
 @click.option(
-    "--goldens", type=FILE, metavar="FOLDER", help="The folder of all goldens. [default: goldens, beside them]"
+    "--goldens", type=OutputPath(), metavar="FOLDER", help="The folder of all goldens. [default: goldens, beside them]"
 )
 @click.option("--frames", metavar="A:B:STEP", help="Only these frames, as a Python slice: ::10, 7, -1.")
 @click.option("--limit", metavar="LIMIT", help="same bytes, stated accuracy, or decibels: tells when it is too loose.")

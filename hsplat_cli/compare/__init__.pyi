@@ -24,7 +24,6 @@ from .ci_files import code_quality as code_quality, junit as junit
 from .difference import (
     PART_PX as PART_PX,
     Figures as Figures,
-    has_flip as has_flip,
     measure_difference as measure_difference,
     measure_flip as measure_flip,
 )

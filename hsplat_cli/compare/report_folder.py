@@ -59,6 +59,8 @@ class PictureStore:
         """Remove all pictures of the film."""
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
+            with contextlib.suppress(OSError):  # other films have pictures, or this one had none
+                self.folder.parent.rmdir()
 
 
 class ReportFolder:
