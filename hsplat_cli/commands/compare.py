@@ -39,9 +39,10 @@ def compare(
     volume: Path | str | None,
     reporter: Reporter,
 ) -> None:
-    """Draw the goldens of scenes again, and compare; exit with 1 if a frame fails, with 2 if a scene has no goldens.
+    """Compare frames with golden ones; exit with 1 where they differ.
 
-    Without arguments, the scenes are those of golden.yaml in this folder.
+    The goldens of scenes are drawn again. Without arguments, the scenes are those of golden.yaml in this folder. The
+    exit code is 2 if a scene cannot be compared, or has no goldens.
 
     Two sets of existing pictures can be compared, too: hsplat compare GOLDEN ACTUAL. Each is a PNG picture, a folder of
     them, a template such as frames/{frame:04}.png, or a film.

@@ -125,9 +125,9 @@ class GoldenFolder:
                 raise
 
     def _finish(self) -> None:
-        """Finish a change that counts: remove what it does not list, and move its files into place.
+        """Finish a change that counts: remove the pictures that it does not list, and move its files into place.
 
-        golden.json comes last, so that after another kill it still tells what is to be removed.
+        The removals come first: after another kill, its golden.json still tells them.
         """
         ready = self._ready
         if not ready.is_dir():
@@ -137,8 +137,7 @@ class GoldenFolder:
             if os.path.lexists(after) and os.path.lexists(before):
                 for name in GOLDEN_RECORD.read(before).files - GOLDEN_RECORD.read(after).files:
                     (self.path / name).unlink(missing_ok=True)
-            names = sorted(each.name for each in ready.iterdir())
-            for name in sorted(names, key=lambda name: name == GOLDEN_RECORD_FILE):
+            for name in sorted(each.name for each in ready.iterdir()):
                 os.replace(ready / name, self.path / name)
             ready.rmdir()
 
