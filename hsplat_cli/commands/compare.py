@@ -13,6 +13,7 @@ import click
 
 from hsplat_cli.commands.shared_options import FILE, quiet_option
 from hsplat_cli.terminal import OutputPath, Reporter, VolumePath
+from renderer.errors import HsplatError
 
 
 @click.command()
@@ -52,25 +53,32 @@ def compare(
         ComparisonRequest,
         compare as compare_all,
         comparison_text,
+        error_line,
+        github_error,
         github_lines,
         parse_rules,
         summary_markdown,
     )
     from renderer.system import join_lines
 
-    rules = parse_rules(frames, limit)
-    request = ComparisonRequest(places, rules, goldens, report, overrides, volume)
-    comparison = compare_all(request, reporter)
+    is_on_github = os.environ.get("GITHUB_ACTIONS") == "true"
+    try:
+        rules = parse_rules(frames, limit)
+        request = ComparisonRequest(places, rules, goldens, report, overrides, volume)
+        comparison = compare_all(request, reporter)
+    except HsplatError as error:
+        if is_on_github:
+            reporter.result(github_error(error_line(error)))
+        raise
     passes = comparison.verdict == "passes"
-    is_github = os.environ.get("GITHUB_ACTIONS") == "true"
     text = comparison_text(comparison)
-    if is_github:  # names of files may look like commands of GitHub
+    if is_on_github:  # names of files may look like commands of GitHub
         token = secrets.token_hex()
         text = join_lines([f"::stop-commands::{token}", *text.splitlines(), f"::{token}::"])
     (reporter.line if passes else reporter.result)(text)
     if report is not None:
         reporter.line(f"report: {report / 'index.html'}")
-    if is_github:
+    if is_on_github:
         for line in github_lines(comparison):
             reporter.result(line)
         _add_summary(summary_markdown(comparison))

@@ -1,5 +1,14 @@
-from .ci_files import github_lines as github_lines, summary_markdown as summary_markdown
-from .comparison import ComparisonRequest as ComparisonRequest, compare as compare, require_match as require_match
+from .ci_files import (
+    github_error as github_error,
+    github_lines as github_lines,
+    summary_markdown as summary_markdown,
+)
+from .comparison import (
+    ComparisonRequest as ComparisonRequest,
+    compare as compare,
+    error_line as error_line,
+    require_match as require_match,
+)
 from .golden.acceptance import (
     Decision as Decision,
     parse_decision as parse_decision,

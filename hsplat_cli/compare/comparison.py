@@ -103,7 +103,7 @@ def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter
             store.drop()
             limit = str(scene.rules.limit or SAME_BYTES)
             goldens = _place(scene.folder.path)
-            film = ComparedFilm(scene.name, limit, _place(scene.file), goldens, error=_one_line(error))
+            film = ComparedFilm(scene.name, limit, _place(scene.file), goldens, error=error_line(error))
         films.append(film)
     return [*films, *_unused(project)]
 
@@ -113,7 +113,7 @@ def _place(path: Path) -> str:
     return Path(os.path.relpath(path)).as_posix()
 
 
-def _one_line(error: HsplatError) -> str:
+def error_line(error: HsplatError) -> str:
     """Return the text of an error in one line."""
     return "; ".join(line.strip() for line in str(error).splitlines())
 
