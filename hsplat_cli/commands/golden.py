@@ -62,7 +62,7 @@ def golden(
     from hsplat_cli.compare import (
         GoldenOptions,
         find_project,
-        open_report_source,
+        open_reports,
         parse_decision,
         parse_rules,
         plan_acceptance,
@@ -75,8 +75,8 @@ def golden(
     project = find_project(scenes, goldens, rules)
     with contextlib.ExitStack() as sources:
         if report is not None:
-            source = sources.enter_context(open_report_source(report))
-            updates = plan_acceptance(source, project, [*map(parse_decision, only)], also=also)
+            reports = sources.enter_context(open_reports(report))
+            updates = plan_acceptance(reports, project, [*map(parse_decision, only)], also=also)
         else:
             wanted = GoldenOptions(replaces=update, also=also, prunes=prune)
             drawn = scenes_to_draw(project.scenes, wanted, reporter)

@@ -7,7 +7,6 @@ from .comparison import (
     ComparisonRequest as ComparisonRequest,
     compare as compare,
     error_line as error_line,
-    require_match as require_match,
 )
 from .golden.acceptance import (
     Decision as Decision,
@@ -24,8 +23,13 @@ from .golden.update import (
 )
 from .limit import LIMIT_FIELD as LIMIT_FIELD, Limit as Limit
 from .outcome import ComparedFilm as ComparedFilm, ComparedFrame as ComparedFrame, Comparison as Comparison
-from .report_source import open_report_source as open_report_source
+from .report_source import open_reports as open_reports
 from .terminal_text import comparison_text as comparison_text
+from .testing import (
+    accept_goldens as accept_goldens,
+    require_match as require_match,
+    scene_files as scene_files,
+)
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.

@@ -164,7 +164,7 @@ def summary_markdown(comparison: Comparison) -> str:
     for film in failing[:_MOST_FILMS]:
         lines += ["", *_film_section(film)]
     if failing:
-        lines += ["", "The page of the report, `index.html`, shows all pictures, and has the command to accept new ones."]
+        lines += ["", "The report's page, `index.html`, shows all pictures, and has the command to accept new ones."]
     return "\n".join(lines) + "\n"
 
 

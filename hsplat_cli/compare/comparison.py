@@ -8,16 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hsplat_cli.compare.file_pairs import compare_files, is_picture_set
-from hsplat_cli.compare.golden.project import GoldenProject, SceneRules, find_project, parse_rules, unused_error
+from hsplat_cli.compare.golden.project import GoldenProject, SceneRules, find_project, unused_error
 from hsplat_cli.compare.golden.scene_comparison import compare_scene
 from hsplat_cli.compare.limit import SAME_BYTES
 from hsplat_cli.compare.outcome import ComparedFilm, Comparison
 from hsplat_cli.compare.report_folder import ReportFolder, open_report
-from hsplat_cli.compare.terminal_text import comparison_text
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError
-from renderer.system import join_lines
 
 
 @dataclass(frozen=True)
@@ -123,29 +121,3 @@ def _unused(project: GoldenProject) -> list[ComparedFilm]:
     if not project.unused:
         return []
     return [ComparedFilm("goldens without a scene", str(SAME_BYTES), error=unused_error(project.unused))]
-
-
-def require_match(
-    *places: str | Path,
-    limit: str | float | None = None,
-    goldens: str | Path | None = None,
-    report: str | Path | None = None,
-) -> None:
-    """Raise AssertionError, with the text of `hsplat compare`, unless all frames pass.
-
-    The arguments have the same meaning as the arguments of the fixture `assert_frames_match`.
-    """
-    __tracebackhide__ = True  # pytest hides this function, and shows the line of the test
-    try:
-        request = ComparisonRequest(
-            [*map(str, places)],
-            parse_rules(None, None if limit is None else str(limit)),
-            None if goldens is None else Path(goldens),
-            None if report is None else Path(report),
-        )
-        comparison = compare(request, Reporter(is_quiet=True))
-    except HsplatError as error:
-        raise AssertionError(str(error)) from None
-    if comparison.verdict != "passes":
-        page = [] if report is None else [f"report: {report}"]
-        raise AssertionError(join_lines([comparison_text(comparison), *page]))

@@ -1,17 +1,19 @@
-"""Read a report, from its folder or from a ZIP archive of it, which anybody may have edited.
+"""Read reports, from a folder or from a ZIP archive, which anybody may have edited.
 
+An artifact of a CI job may hold several reports: one of each test, or of each machine.
 Names of pictures must be those that a report gives, no link is followed, and sizes are checked before memory is taken.
 """
 
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Protocol
 
@@ -23,6 +25,8 @@ from renderer.scene import may_be_json, require_file
 
 # The names of pictures in a report.
 _PICTURE = re.compile(r"films/[0-9]{1,6}/(?:old|new)/[^/\\]{1,200}\.png")
+# The most reports of an artifact: one of each test of a large suite.
+_MAX_REPORTS = 10_000
 # The most entries of an archive: two pictures for each frame of a thousand films of a hundred frames. Python keeps
 # about 600 bytes of each.
 _MAX_ENTRIES = 200_000
@@ -42,7 +46,7 @@ _ERRORS = (
 
 
 class ReportSource(Protocol):
-    """A report that can be read."""
+    """A report that can be read. path: its place, for messages."""
 
     path: Path
 
@@ -63,18 +67,14 @@ class _Folder:
 
 
 class _Archive:
-    def __init__(self, path: Path, archive: zipfile.ZipFile) -> None:
-        self.path, self._archive = path, archive
-        # Some CI systems pack a report with the folders around it.
-        found = [name for name in archive.namelist() if PurePosixPath(name).name == REPORT_FILE]
-        if len(found) != 1:
-            got = f"an archive with {len(found)} files {REPORT_FILE}"
-            raise InputError("not a report", where=str(path), got=got, expected="an archive of one report")
-        self._prefix = found[0].removesuffix(REPORT_FILE)
+    """A report in an archive. root: its folder there, with a slash at its end; empty at the top of the archive."""
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile, root: str) -> None:
+        self.path, self._archive, self._root = path / root, archive, root
 
     def read(self, name: str, max_bytes: int) -> bytes:
         try:
-            entry = self._archive.getinfo(f"{self._prefix}{name}")
+            entry = self._archive.getinfo(f"{self._root}{name}")
         except KeyError:
             raise InputError("a file is missing in this report", where=str(self.path), got=name) from None
         mode = entry.external_attr >> 16
@@ -97,25 +97,43 @@ class _Archive:
 
 
 @contextlib.contextmanager
-def open_report_source(path: Path) -> Iterator[ReportSource]:
-    """Open a report: its folder, its report.json, or a ZIP archive of the folder. Raises InputError for others."""
+def open_reports(path: Path) -> Iterator[Sequence[ReportSource]]:
+    """Open all reports in a folder or in a ZIP archive, at least one. Raises InputError where there is none.
+
+    path: the folder, the archive, or report.json in a folder. A folder with a report is that report alone.
+    """
+    expected = f"the folder of a report, or a ZIP archive of it, with {REPORT_FILE}"
     if path.name == REPORT_FILE and path.is_file():
         path = path.parent
     if path.is_dir():
-        yield _Folder(path)
+        folders = [path] if os.path.lexists(path / REPORT_FILE) else _folders(path)
+        yield _checked([_Folder(folder) for folder in folders], path)
         return
     if not path.exists():
-        raise InputError("no such report", where=str(path), expected="the folder of a report, or a ZIP archive of it")
-    require_file(path, "the folder of a report, or a ZIP archive of it")
+        raise InputError("no such report", where=str(path), expected=expected)
+    require_file(path, expected)
     try:
         archive = zipfile.ZipFile(path)
     except _ERRORS as error:
-        raise InputError("not a report", where=str(path), expected="its folder, or a ZIP archive of it") from error
+        raise InputError("not a report", where=str(path), expected=expected) from error
     with archive:
         names = archive.namelist()
         if len(names) > _MAX_ENTRIES or len(set(names)) < len(names):
             raise InputError("not a report", where=str(path), got="an archive with equal names, or too many")
-        yield _Archive(path, archive)
+        roots = sorted(name.removesuffix(REPORT_FILE) for name in names if PurePosixPath(name).name == REPORT_FILE)
+        yield _checked([_Archive(path, archive, root) for root in roots], path)
+
+
+def _folders(path: Path) -> list[Path]:
+    """Return the folders with a report below a folder. Links are not followed."""
+    return sorted(Path(folder) for folder, _, names in os.walk(path) if REPORT_FILE in names)
+
+
+def _checked(reports: Sequence[ReportSource], path: Path) -> Sequence[ReportSource]:
+    if not 0 < len(reports) <= _MAX_REPORTS:
+        got = f"{len(reports)} files {REPORT_FILE}"
+        raise InputError("not a report", where=str(path), got=got, expected=f"from 1 to {_MAX_REPORTS}")
+    return reports
 
 
 def read_report(source: ReportSource) -> Comparison:

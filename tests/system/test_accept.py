@@ -255,7 +255,7 @@ def test_a_picture_that_changes_after_it_was_checked(monkeypatch: pytest.MonkeyP
         (lambda film: film["frames"][1].update(frame=2), "two frames of this report have one number"),
         (lambda film: film["frames"][1].update(frame=-1), "films.1.frames.1.frame: out of range"),
         (lambda film: film["frames"][1].update(status="splendid"), "films.1.frames.1.status: unknown value"),
-        (lambda film: film.update(name="box"), "two films of this report have one name"),
+        (lambda film: film.update(name="box"), "two films that fail have one name"),
         (lambda film: film.update(name="other"), "the project has no such scene"),
         (lambda film: film.update(name="../../mine"), "the project has no such scene"),
         (lambda film: film.pop("origin"), "does not say what drew the pictures"),

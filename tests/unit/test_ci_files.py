@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import pytest
@@ -103,8 +104,21 @@ def test_lines_of_github_are_at_the_changed_keys() -> None:
     assert list(github_lines(MIXED)) == [
         "::error file=c.yaml,line=1,title=golden film c::c.yaml: this scene has no goldens",
         "::error file=b.yaml,line=5,title=golden film b::1 of 2 frames fails: 1 different, 1 the same; "
-        "error.tolerance was 0.1, is 0.2",
+        "error.tolerance was 0.1, is 0.2; device was x, is y",
     ]
+
+
+def test_github_shows_the_first_key_of_each_film_before_the_second_of_any() -> None:
+    """And at most ten errors of a step, of which the last one counts the others."""
+    keys = tuple(Change(f"key{number}", "1", "2", number) for number in range(1, 5))
+    many = Comparison(tuple(film(f"f{number}", failing(), changes=keys) for number in range(6)))
+    lines = [*github_lines(many)]
+    assert [line.split(",")[1] for line in lines[:9]] == ["line=1"] * 6 + ["line=2"] * 3
+    assert lines[9:] == [
+        "::error title=golden films::and 15 more changes of films that do not pass: see the report",
+    ]
+    unused = Comparison((ComparedFilm("goldens without a scene", "same bytes", error="1 folder"),))
+    assert [*github_lines(unused)] == ["::error title=golden film goldens without a scene::1 folder"]
 
 
 @pytest.mark.parametrize("text", HOSTILE)
@@ -120,10 +134,8 @@ def test_a_line_of_github_is_one_command(text: str) -> None:
 @pytest.mark.parametrize("text", HOSTILE)
 def test_a_summary_is_a_table_without_markup(text: str) -> None:
     lines = summary_markdown(hostile(text)).splitlines()
-    rows = [line for line in lines if line.startswith("| ")]
-    for row in rows:
-        bare = row.replace("\\\\", "").replace("\\|", "")
-        assert bare.count("|") == 5, row
+    bars = [line.replace("\\\\", "").replace("\\|", "").count("|") for line in lines if line.startswith("| ")]
+    assert bars == [5] * 4 + [8] * 3
     whole = "\n".join(lines)
     assert "<script" not in whole and "<img" not in whole
     assert "](javascript" not in whole.replace("\\]", "") and "**d**" not in whole
@@ -136,8 +148,65 @@ def test_a_summary_names_the_worst() -> None:
     assert lines[0] == "### 4 films: 4 fail"
     assert lines[4] == "| f0 | 5 of 5 frames fail: 5 different | same bytes | 0.0 dB |"
     assert [line for line in lines if line.startswith("**")] == ["**f0**", "**f1**", "**f2**"]
-    assert lines.count("- and 2 more frames") == 3
-    assert [line for line in lines if line.startswith("- x")][:3] == [f"- x{n}: why x{n}" for n in range(3)]
+    assert lines.count("and 2 more frames that fail") == 3
+    assert [line for line in lines if line.startswith("| x")][:3] == [
+        f"| x{number} | different | 30.0 dB | {number}.0 dB |  | 9 of 255 |  |" for number in range(3)
+    ]
+    assert len([line for line in lines if line.startswith("| x")]) == 9
+
+
+def test_a_summary_has_the_figures_of_a_frame() -> None:
+    frame = replace(failing(nearer=Nearness(40.0, 50.0, differs=True)), flip=0.01234)
+    lost = ComparedFrame("frame-0002.png", "missing", "this frame was not drawn", 2)
+    lines = summary_markdown(Comparison((film("a", frame, lost, changes=(CHANGE,)),))).splitlines()
+    assert "- error.tolerance was 0.1, is 0.2" in lines
+    assert "| frame-0002.png | this frame was not drawn |  |  |  |  |  |" in lines
+    (row,) = [line for line in lines if line.startswith("| frame-0001")]
+    assert row == (
+        "| frame-0001.png | different | 30.0 dB | 20.0 dB | 0.0123 | 9 of 255 | nearer to the exact picture: the "
+        "golden has 40.0 dB of the exact picture, the new one 50.0 dB |"
+    )
+
+
+def test_github_takes_the_largest_summary() -> None:
+    """It drops summaries of more than 1 MiB."""
+    text = "<" * 100_000
+    changes = tuple(Change(text, text, text, line) for line in range(100))
+    films = [film(f"{number}{text}", failing(text), changes=changes) for number in range(1000)]
+    summary = summary_markdown(Comparison(tuple(films)))
+    assert len(summary.encode()) < 2**20
+    assert "and 800 more films" in summary
+
+
+def test_a_fingerprint_is_that_of_the_keys_and_not_of_the_figures() -> None:
+    """So that GitLab knows an issue again after the next commit."""
+
+    def fingerprints(part_psnr: float, key: str) -> list[str]:
+        found = film("b", failing(part_psnr=part_psnr), PASSING, changes=(Change(key, "0", str(part_psnr), 5),))
+        return [each["fingerprint"] for each in json.loads(code_quality(Comparison((found,))))]
+
+    assert fingerprints(20, "a") == fingerprints(30, "a") != fingerprints(20, "b")
+
+
+# The elements and attributes of junit-10.xsd that Jenkins reads, and those of them that it needs.
+JENKINS = {
+    "testsuites": ({"name", "time", "tests", "failures", "errors"}, set()),
+    "testsuite": (
+        {"name", "tests", "failures", "errors", "group", "time", "skipped", "timestamp", "hostname", "id", "package"},
+        {"name", "tests", "failures", "errors"},
+    ),
+    "testcase": ({"name", "time", "classname", "group"}, {"name"}),
+    "failure": ({"type", "message"}, set()),
+    "error": ({"type", "message"}, set()),
+}
+
+
+def test_junit_has_the_attributes_that_jenkins_knows() -> None:
+    root = ElementTree.fromstring(junit(MIXED))
+    for element in root.iter():
+        known, needed = JENKINS[element.tag]
+        assert needed <= element.attrib.keys() <= known, element.tag
+    assert root.attrib == {"name": "hsplat compare", "tests": "4", "failures": "1", "errors": "1"}
 
 
 @pytest.mark.parametrize("text", HOSTILE)

@@ -17,7 +17,7 @@ from hsplat_cli.compare import (
     ComparedFilm,
     ComparedFrame,
     Comparison,
-    open_report_source,
+    open_reports,
     read_report,
     read_report_picture,
 )
@@ -38,7 +38,7 @@ def archive(path: Path, *entries: tuple[str | zipfile.ZipInfo, bytes], method: i
 
 
 def picture(path: Path, name: str = PICTURE) -> bytes:
-    with open_report_source(path) as source:
+    with open_reports(path) as (source,):
         assert read_report(source) == COMPARISON
         return read_report_picture(source, name)
 
@@ -190,9 +190,21 @@ def test_equal_names(tmp_path: Path) -> None:
     assert "equal names" in refusal(path)
 
 
-def test_archives_without_one_report(tmp_path: Path) -> None:
-    archive(tmp_path / "two.zip", ("below/report.json", CONTENT))
-    assert "2 files report.json" in refusal(tmp_path / "two.zip")
+def test_an_artifact_may_have_several_reports(tmp_path: Path) -> None:
+    """A folder with a report of its own is that report alone."""
+    write_folder(tmp_path / "all/one")
+    archive(tmp_path / "all.zip", ("below/report.json", CONTENT), ("below/" + PICTURE, b"x"))
+    for place, count in (("all", 1), ("all/one", 1), ("all.zip", 2)):
+        with open_reports(tmp_path / place) as reports:
+            assert [read_report(each) for each in reports] == [COMPARISON] * count
+    write_folder(tmp_path / "all/two/deep")
+    with open_reports(tmp_path / "all") as reports:
+        assert [each.path for each in reports] == [tmp_path / "all/one", tmp_path / "all/two/deep"]
+    with open_reports(tmp_path / "all.zip") as (_, below):
+        assert read_report_picture(below, PICTURE) == b"x"
+
+
+def test_archives_without_a_report(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "none.zip", "w"):
         pass
     assert "0 files report.json" in refusal(tmp_path / "none.zip")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +28,14 @@ from renderer.errors import InputError
 from renderer.job import FilmJob
 from renderer.scene import MAX_FRAMES, counted, did_you_mean, first_few
 
+# The events by which GitHub and GitLab start a job for a change of the code.
+_EVENTS_OF_CHANGES = (
+    "push",
+    "pull_request",
+    "pull_request_target",
+    "merge_group",
+    "merge_request_event",
+)
 # A run of frames in `--only`: `7`, or `12-18`.
 _RUN = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
 
@@ -56,45 +65,66 @@ def parse_decision(text: str) -> Decision:
 
 
 def plan_acceptance(
-    source: ReportSource, project: GoldenProject, only: Sequence[Decision], *, also: bool = False
+    sources: Sequence[ReportSource], project: GoldenProject, only: Sequence[Decision], *, also: bool = False
 ) -> list[GoldenUpdate]:
-    """Plan the changes that make pictures of a report the goldens of a project's scenes.
+    """Plan the changes that make pictures of reports the goldens of a project's scenes.
 
-    The report must stay open until the plan has been carried out.
+    The reports must stay open until the plan has been carried out.
 
     only: the films, or frames of them, that are accepted; all that fail if it is empty. also: whether the pictures
     become further goldens beside those that they were compared with.
-    Raises InputError if a scene, its volume or its goldens are not those that were compared, if the report was edited,
-    or if it has nothing to accept. Frames that were accepted before are left out.
+    Raises InputError if a scene, its volume or its goldens are not those that were compared, if a report was edited,
+    if there is nothing to accept, or if the job compares. Frames that were accepted before are left out.
     """
-    report = read_report(source)
-    films = {film.name: film for film in report.films}
-    if len(films) < len(report.films):
-        raise InputError("two films of this report have one name", where=str(source.path))
-    failing = [film.name for film in report.films if film.verdict == "fails"]
+    _require_person()
+    reported = [(source, film) for source in sources for film in read_report(source).films]
+    where = f"{sources[0].path} and {len(sources) - 1} more" if len(sources) > 1 else str(sources[0].path)
+    failing = dict[str, tuple[ReportSource, ComparedFilm]]()
+    for source, film in reported:
+        if film.verdict == "fails" and failing.setdefault(film.name, (source, film))[1] is not film:
+            got = f"{film.name}, in {failing[film.name][0].path} and {source.path}"
+            raise InputError("two films that fail have one name", where=where, got=got, hint="accept one report")
     decisions = _by_film(only) if only else dict.fromkeys(failing)
     if not decisions:
-        raise InputError("nothing fails in this report", where=str(source.path))
+        raise InputError("nothing fails in this report", where=where)
     scenes = {scene.name: scene for scene in project.scenes}
     updates = []
     for name, frames in decisions.items():
         if name not in failing:
-            got = f"{name}: {films[name].summary}" if name in films else name
-            hint = None if name in films else did_you_mean(name, failing)
-            raise InputError("no such film fails in this report", where=str(source.path), got=got, hint=hint)
+            verdicts = [film.summary for _, film in reported if film.name == name]
+            hint = None if verdicts else did_you_mean(name, failing)
+            got = ": ".join([name, *verdicts[:1]])
+            raise InputError("no such film fails in this report", where=where, got=got, hint=hint)
         if name not in scenes:
             raise InputError(
                 "the project has no such scene",
-                where=str(source.path),
+                where=where,
                 got=name,
                 expected=first_few([*scenes]),
                 hint="name the same scenes, or folders, as for `hsplat compare`",
             )
-        film = _ReportedFilm(source, films[name], scenes[name])
-        update = film.plan(frames, also=also)
+        source, film = failing[name]
+        update = _ReportedFilm(source, film, scenes[name]).plan(frames, also=also)
         if update is not None:
             updates.append(update)
     return updates
+
+
+def _require_person() -> None:
+    """Raise InputError in a job of GitHub or GitLab that a change of the code started: such jobs compare.
+
+    People decide which pictures become golden. They start a job that accepts by hand.
+    """
+    event = os.environ.get("GITHUB_EVENT_NAME", "")
+    if os.environ.get("CI_JOB_MANUAL") != "true":
+        event = event or os.environ.get("CI_PIPELINE_SOURCE", "")
+    if event in _EVENTS_OF_CHANGES:
+        raise InputError(
+            "goldens are not accepted in a job that a change starts",
+            where="--accept",
+            got=f"a job that `{event}` started",
+            expected="a job that a person starts, such as by workflow_dispatch",
+        )
 
 
 def _by_film(decisions: Sequence[Decision]) -> dict[str, frozenset[int] | None]:
