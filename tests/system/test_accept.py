@@ -375,3 +375,29 @@ def test_a_kill_at_any_operation_leaves_whole_goldens(compared: Path) -> None:
         assert not list(Path("scenes").rglob("golden.*ing")) and not list(Path("scenes").rglob("golden.ready"))
     assert num_killed >= 25
     assert states == {(False, False), (True, False), (True, True)}
+
+
+@pytest.mark.parametrize(
+    ("variables", "is_refused"),
+    [
+        ({"GITHUB_EVENT_NAME": "push"}, True),
+        ({"GITHUB_EVENT_NAME": "pull_request_target"}, True),
+        ({"GITHUB_EVENT_NAME": "workflow_dispatch"}, False),
+        ({"CI_PIPELINE_SOURCE": "merge_request_event"}, True),
+        ({"CI_PIPELINE_SOURCE": "push"}, True),
+        ({"CI_PIPELINE_SOURCE": "push", "CI_JOB_MANUAL": "true"}, False),
+        ({"CI_PIPELINE_SOURCE": "web"}, False),
+    ],
+)
+def test_a_job_that_a_change_starts_accepts_nothing(
+    variables: dict[str, str], is_refused: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither with `--yes`: no change of the code approves itself."""
+    for name in ("GITHUB_EVENT_NAME", "CI_PIPELINE_SOURCE", "CI_JOB_MANUAL"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    if is_refused:
+        assert "goldens are not accepted in a job that a change starts" in refused(capsys, options=("--yes",))
+    else:
+        assert accept() == 0

@@ -50,8 +50,9 @@ def test_a_wrong_limit(assert_frames_match):
     assert_frames_match("golden", "same", limit="roughly")
 """
 
-# The two lines that compare all scenes of a project.
-SCENES = "def test_golden(golden_scene, assert_frames_match):\n    assert_frames_match(golden_scene)\n"
+# The two lines of the documentation that compare all scenes of a project.
+PAGE = Path(__file__).parents[2] / "docs/golden-frames.md"
+SCENES = PAGE.read_text("utf-8").partition("```python\n")[2].partition("```")[0]
 
 
 @pytest.fixture
