@@ -43,6 +43,8 @@ def _folder(compared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     shutil.copytree(compared, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CI", "true")
+    for name in ("GITHUB_EVENT_NAME", "CI_PIPELINE_SOURCE", "CI_JOB_MANUAL"):
+        monkeypatch.delenv(name, raising=False)
 
 
 def accept(*only: str, source: str = "report", scenes: str = "scenes", options: tuple[str, ...] = ()) -> int:
@@ -393,8 +395,6 @@ def test_a_job_that_a_change_starts_accepts_nothing(
     variables: dict[str, str], is_refused: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Neither with `--yes`: no change of the code approves itself."""
-    for name in ("GITHUB_EVENT_NAME", "CI_PIPELINE_SOURCE", "CI_JOB_MANUAL"):
-        monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     if is_refused:
