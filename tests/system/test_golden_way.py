@@ -198,6 +198,7 @@ def test_words_of_inputs_are_words_of_a_shell_and_no_code(repository: Repository
         job = repository.run_job("push", artifact, **{"scenes": "scenes", name: hostile})
         assert job.code == 2, job.printed
     assert not mark.exists()
+    assert repository.run_job("push", artifact, scenes="--help").code == 2
 
 
 def test_a_job_without_a_comparison_is_red(repository: Repository, tmp_path: Path) -> None:

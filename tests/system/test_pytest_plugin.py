@@ -54,6 +54,20 @@ def test_a_wrong_limit(assert_frames_match):
 PAGE = Path(__file__).parents[2] / "docs/golden-frames.md"
 SCENES = PAGE.read_text("utf-8").partition("```python\n")[2].partition("```")[0]
 
+# A conftest.py that leaves a file for each process that has accepted goldens before its tests.
+WHO_ACCEPTED = """\
+import os, sys
+from pathlib import Path
+
+import pytest
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionstart():
+    if "hsplat_cli.compare.golden.acceptance" in sys.modules:
+        Path("accepted-" + os.environ.get("PYTEST_XDIST_WORKER", "main")).touch()
+"""
+
 
 @pytest.fixture
 def pictures(folder: Path) -> Path:
@@ -190,8 +204,10 @@ def test_several_processes_accept_once(scenes: Path) -> None:
     edit_scene()
     edit_scene(name="box")
     assert run_pytest(scenes, "-p", "xdist", "-n", "2", "--golden-report", "out")[0] == 1
+    Path("conftest.py").write_text(WHO_ACCEPTED, "utf-8")
     code, printed = run_pytest(scenes, "-p", "xdist", "-n", "2", "--golden-accept", "out")
     assert code == 0 and printed.count("4 frames accepted") == 2, printed
+    assert [path.name for path in Path().glob("accepted-*")] == ["accepted-main"]
 
 
 def test_it_costs_nothing_before_it_is_used(folder: Path) -> None:
