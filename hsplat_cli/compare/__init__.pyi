@@ -41,6 +41,7 @@ from .difference import (
     measure_flip as measure_flip,
 )
 from .frame_comparison import compare_frame as compare_frame
+from .golden.changes import changes_since as changes_since
 from .golden.golden_folder import GoldenFolder as GoldenFolder
 from .golden.record import (
     GOLDEN_RECORD as GOLDEN_RECORD,
@@ -52,5 +53,5 @@ from .golden.record import (
     golden_file_name as golden_file_name,
     picture_digest as picture_digest,
 )
-from .outcome import REPORT as REPORT, Change as Change, Nearness as Nearness
+from .outcome import REPORT as REPORT, Change as Change, Mistake as Mistake, Nearness as Nearness
 from .report_source import read_report as read_report, read_report_picture as read_report_picture

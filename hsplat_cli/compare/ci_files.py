@@ -9,8 +9,10 @@ from __future__ import annotations
 import hashlib
 import html
 import json
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame, Comparison
@@ -88,7 +90,7 @@ def code_quality(comparison: Comparison) -> str:
                 "check_name": "hsplat compare",
                 "fingerprint": hashlib.blake2b(subject.encode(), digest_size=16).hexdigest(),
                 "severity": "major",
-                "location": {"path": finding.film.scene, "lines": {"begin": finding.line}},
+                "location": {"path": _in_repository(finding.film.scene), "lines": {"begin": finding.line}},
             }
         )
     return f"{json.dumps(issues, indent=2)}\n"
@@ -102,8 +104,9 @@ def github_lines(comparison: Comparison) -> Iterator[str]:
     findings = _findings(comparison)
     shown = findings if len(findings) <= _MOST_ERRORS else findings[: _MOST_ERRORS - 1]
     for finding in shown:
-        place = f"file={_property(finding.film.scene)},line={finding.line}," if finding.film.scene else ""
-        yield f"::error {place}title={_property('golden film ' + finding.film.name)}::{_data(finding.text)}"
+        scene, title = finding.film.scene, _property(f"golden film {finding.film.name}")
+        place = f"file={_property(_in_repository(scene))},line={finding.line}," if scene else ""
+        yield f"::error {place}title={title}::{_data(finding.text)}"
     if len(findings) > len(shown):
         more = counted(len(findings) - len(shown), "more change")
         yield github_error(f"and {more} of films that do not pass: see the report")
@@ -114,6 +117,12 @@ def github_error(text: str) -> str:
     return f"::error title=golden films::{_data(text)}"
 
 
+def _in_repository(path: str) -> str:
+    """Return a path relative to the repository that CI has checked out, in place of the current folder."""
+    root = os.environ.get("GITHUB_WORKSPACE") or os.environ.get("CI_PROJECT_DIR")
+    return Path(os.path.relpath(Path(path).resolve(), Path(root).resolve())).as_posix() if root else path
+
+
 def _findings(comparison: Comparison) -> list[_Finding]:
     """Return the places at which films that do not pass are reported: the first of each film, then the second ones."""
     films = [film for film in comparison.worst_first if film.verdict != "passes"]
@@ -122,10 +131,14 @@ def _findings(comparison: Comparison) -> list[_Finding]:
 
 
 def _findings_of(film: ComparedFilm) -> Iterator[_Finding]:
-    """Yield the places at which a film is reported: each line with changed keys, or the first line of the scene.
+    """Yield the places at which a film is reported: each line with mistakes, or with changed keys, or the first line.
 
     Changes that have no line, such as those of the volume, are told at the first place.
     """
+    for mistake in film.mistakes:
+        yield _Finding(film, mistake.line, [mistake.text], _short(mistake.text))
+    if film.mistakes:
+        return
     lines: dict[int, list[Change]] = {}
     for change in film.changes:
         if change.line:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hsplat_cli.compare.file_pairs import compare_files, is_picture_set
 from hsplat_cli.compare.golden.project import GoldenProject, SceneRules, find_project, unused_error
 from hsplat_cli.compare.golden.scene_comparison import compare_scene
 from hsplat_cli.compare.limit import SAME_BYTES
-from hsplat_cli.compare.outcome import ComparedFilm, Comparison
+from hsplat_cli.compare.outcome import ComparedFilm, Comparison, Mistake
 from hsplat_cli.compare.report_folder import ReportFolder, open_report
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
-from renderer.errors import HsplatError, InputError
+from renderer.errors import HsplatError, InputError, SceneError
 
 
 @dataclass(frozen=True)
@@ -101,19 +101,34 @@ def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter
             store.drop()
             limit = str(scene.rules.limit or SAME_BYTES)
             goldens = _place(scene.folder.path)
-            film = ComparedFilm(scene.name, limit, _place(scene.file), goldens, error=error_line(error))
+            film = ComparedFilm(
+                scene.name, limit, _place(scene.file), goldens, error=error_line(error),
+                mistakes=tuple(_mistakes(error, scene.file)),
+            )  # fmt: skip
         films.append(film)
     return [*films, *_unused(project)]
 
 
 def _place(path: Path) -> str:
-    """Return a path as CI shows it: relative to the current folder, with forward slashes."""
+    """Return a path as people name it: relative to the current folder, with forward slashes."""
     return Path(os.path.relpath(path)).as_posix()
 
 
 def error_line(error: HsplatError) -> str:
     """Return the text of an error in one line."""
-    return "; ".join(line.strip() for line in str(error).splitlines())
+    return _in_one_line(str(error))
+
+
+def _mistakes(error: HsplatError, file: Path) -> Iterator[Mistake]:
+    """Yield the mistakes in the file of a scene that an error lists. A missing key is told at the first line."""
+    for problem in error.problems if isinstance(error, SceneError) else ():
+        line = (problem.location or "").removeprefix(f"{file}:").partition(":")[0]
+        yield Mistake(_in_one_line(str(replace(problem, location=None))), int(line) if line.isdecimal() else 1)
+
+
+def _in_one_line(text: str) -> str:
+    """Return a message in one line, without the excerpt of a file, whose lines begin with a bar."""
+    return "; ".join(line.strip() for line in text.splitlines() if not line.strip().startswith("|"))
 
 
 def _unused(project: GoldenProject) -> list[ComparedFilm]:

@@ -109,6 +109,14 @@ class Change:
 
 
 @dataclass(frozen=True)
+class Mistake:
+    """A mistake in the file of a scene, which keeps the film from being compared. line: its line."""
+
+    text: str
+    line: Annotated[int, types.COUNT]
+
+
+@dataclass(frozen=True)
 class Flickers:
     """The flicker of the goldens and of the new pictures, in levels of 8 bits, 0 to 255."""
 
@@ -122,10 +130,10 @@ class ComparedFilm:
 
     name: the name of the film: the path of its scene in the project, without a suffix. limit: the limit, as text.
     scene, goldens: the scene's file and the folder of its goldens, relative to the project; empty for pictures.
-    error: why it was not compared. changes: the keys in which scene, volume, device and versions differ from those of
-    the goldens. notes: notes for the user. outdated: goldens that nothing matches any more. origin: what drew the new
-    frames. flicker: between neighbouring frames, if both pictures of them are known. frames: the frames, in their
-    order.
+    error: why it was not compared. mistakes: those of the scene, if they are the reason. changes: the keys in which
+    scene, volume, device and versions differ from those of the goldens. notes: notes for the user. outdated: goldens
+    that nothing matches any more. origin: what drew the new frames. flicker: between neighbouring frames, if both
+    pictures of them are known. frames: the frames, in their order.
     """
 
     name: str
@@ -133,6 +141,7 @@ class ComparedFilm:
     scene: str = ""
     goldens: str = ""
     error: str = ""
+    mistakes: tuple[Mistake, ...] = ()
     changes: tuple[Change, ...] = ()
     notes: tuple[str, ...] = ()
     outdated: tuple[str, ...] = ()

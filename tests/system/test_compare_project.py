@@ -49,7 +49,7 @@ def test_a_change_is_reported_at_its_line(capsys: pytest.CaptureFixture[str], mo
     assert code == 1
     assert statuses(films["engine"]) == ["different"] * 4 and statuses(films["box"]) == ["same"] * 4
     (change,) = films["engine"]["changes"]
-    assert change["key"].startswith("transfer_function.points.2.color") and change["line"] == 6
+    assert change == {"key": "transfer_function.points.2.color", "was": "'#ffffff'", "now": "'#ff0000'", "line": 6}
     commands = [line for line in out if line.startswith("::error ")]
     assert [line.split(",title")[0] for line in commands] == ["::error file=scenes/engine.yaml,line=6"]
     assert out[0].startswith("::stop-commands::") and out.index(f"::{out[0].split('::')[2]}::") < out.index(commands[0])
@@ -235,6 +235,44 @@ def test_rules_of_a_project_file() -> None:
     }
     assert set(statuses(films["scenes/engine"])) == {"close"}
     assert compare("scenes/engine.yaml") == 0
+
+
+def test_frames_of_a_project_file_without_goldens_are_drawn_and_can_be_accepted() -> None:
+    assert golden("scenes", "--update", "--yes", "--frames", "::2", "--prune") == 0
+    Path("golden.yaml").write_text("scenes: [scenes/*.yaml]\ngoldens: scenes/goldens\nframes: '::1'\n")
+    Path("scenes/goldens").rename("moved")
+    Path("scenes/goldens").mkdir()
+    Path("moved").rename("scenes/goldens/scenes")
+    code, films = report(".")
+    assert code == 1
+    for film in films.values():
+        assert statuses(film) == ["same", "new"] * 2
+        assert [frame["name"] for frame in film["frames"]] == NAMES
+        assert all(Path("report", frame["new"]["file"]).is_file() for frame in film["frames"][1::2])
+    assert golden(".", "--accept", "report", "--only", "scenes/engine:1") == 0
+    assert statuses(report(".")[1]["scenes/engine"]) == ["same", "same", "same", "new"]
+    assert compare(".", "--frames", "::2") == 0, "an option selects goldens"
+    assert golden(".", "--update", "--yes") == 0
+    assert compare(".") == 0
+
+
+def test_mistakes_of_a_scene_are_reported_at_their_lines(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edit_scene("elevation: 20", "elevatio: 20")
+    edit_scene("tolerance: 0.1", "tolerance: -1")
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_WORKSPACE", str(Path.cwd()))
+    monkeypatch.chdir("scenes")
+    assert compare(".") == 2
+    out = capsys.readouterr().out
+    assert [line for line in out.splitlines() if line.startswith("::error ")] == [
+        "::error file=scenes/engine.yaml,line=8,title=golden film engine::camera.path.elevatio: unknown key; "
+        "expected: type, frames, start, elevation, axis or seconds; hint: did you mean elevation?",
+        "::error file=scenes/engine.yaml,line=9,title=golden film engine::error.tolerance: out of range; got: -1; "
+        "expected: a number of at least 0",
+    ]
+    assert "^" not in out, "the one line of a film has no excerpt of the file"
 
 
 def test_a_sidecar_is_a_scene() -> None:

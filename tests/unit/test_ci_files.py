@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -14,6 +15,7 @@ from hsplat_cli.compare import (
     ComparedFilm,
     ComparedFrame,
     Comparison,
+    Mistake,
     Nearness,
     code_quality,
     comparison_text,
@@ -35,6 +37,13 @@ HOSTILE = [
     "\udcff\udcfe",
     "\u202egnp.exe",
 ]
+
+
+@pytest.fixture(autouse=True)
+def _outside_of_ci(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Name no repository that CI has checked out."""
+    for name in ("GITHUB_WORKSPACE", "CI_PROJECT_DIR"):
+        monkeypatch.delenv(name, raising=False)
 
 
 def film(name: str, *frames: ComparedFrame, **more: object) -> ComparedFilm:
@@ -106,6 +115,28 @@ def test_lines_of_github_are_at_the_changed_keys() -> None:
         "::error file=b.yaml,line=5,title=golden film b::1 of 2 frames fails: 1 different, 1 the same; "
         "error.tolerance was 0.1, is 0.2; device was x, is y",
     ]
+
+
+def test_each_mistake_of_a_scene_has_its_line() -> None:
+    wrong = film("a", error="a.yaml:3:1: x; a.yaml:7:1: y", mistakes=(Mistake("x", 3), Mistake("y", 7)))
+    assert list(github_lines(Comparison((wrong,)))) == [
+        "::error file=a.yaml,line=3,title=golden film a::x",
+        "::error file=a.yaml,line=7,title=golden film a::y",
+    ]
+    issues = json.loads(code_quality(Comparison((wrong,))))
+    assert [each["location"]["lines"]["begin"] for each in issues] == [3, 7]
+    assert len({each["fingerprint"] for each in issues}) == 2
+
+
+@pytest.mark.parametrize("variable", ["GITHUB_WORKSPACE", "CI_PROJECT_DIR"])
+def test_places_are_relative_to_the_repository(variable: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "part").mkdir()
+    monkeypatch.chdir(folder / "part")
+    monkeypatch.setenv(variable, str(folder))
+    places = [line.split(",")[0] for line in github_lines(MIXED)]
+    assert places == ["::error file=part/c.yaml", "::error file=part/b.yaml"]
+    paths = [each["location"]["path"] for each in json.loads(code_quality(MIXED))]
+    assert paths == ["part/c.yaml", "part/b.yaml"]
 
 
 def test_github_shows_the_first_key_of_each_film_before_the_second_of_any() -> None:

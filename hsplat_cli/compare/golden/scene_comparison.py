@@ -1,4 +1,4 @@
-"""Draw a scene's frames that have goldens, and compare them."""
+"""Draw a scene's frames that have goldens, or that its project names, and compare them."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from hsplat_cli.compare.golden.record import (
     golden_file_name,
     picture_digest,
 )
+from hsplat_cli.compare.golden.update import frames_without_goldens
 from hsplat_cli.compare.limit import SAME_BYTES, Limit
 from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame, Flickers, ReportPicture
 from hsplat_cli.compare.picture_file import decode_picture, file_content
@@ -43,7 +44,7 @@ _MOST_NEARNESS = 3
 def compare_scene(
     scene: GoldenScene, request: SceneRequest, store: PictureStore, place: Callable[[Path], str], reporter: Reporter
 ) -> ComparedFilm:
-    """Draw the frames of a scene that have goldens, and compare them.
+    """Draw the frames of a scene that have goldens, and compare them. Frames that the project names, too, are drawn.
 
     request: the scene's file, with the options of the command line. place: returns a path as reports have it.
     Raises InputError if there is no golden of the scene's frames, and the errors of reading the scene and drawing.
@@ -70,13 +71,15 @@ def compare_scene(
             got=f"frames up to {job.frames[-1]}",
             expected=f"frame {goldens[0].frame} or others listed in {folder.path}",
         )
-    with drawn_frames(job, numbers, reporter) as drawn:
+    new = [] if request.frames else frames_without_goldens(scene.rules.frames, record, job)
+    with drawn_frames(job, sorted([*numbers, *new]), reporter) as drawn:
         comparer = _Comparer(folder, record, drawn, limit, store)
         frames = []
         with reporter.progress(len(goldens), label="comparing") as bar:
             for golden in goldens:
                 frames.append(comparer.compare(golden))
                 bar.advance()
+        new_frames = [comparer.show_new(number, job.scene.num_frames) for number in new]
         film = ComparedFilm(
             scene.name,
             str(limit),
@@ -87,7 +90,7 @@ def compare_scene(
             outdated=tuple(_outdated(record, goldens, frames, drawn.origin)),
             origin=drawn.origin,
             flicker=_flickers(record, drawn),
-            frames=tuple(frames),
+            frames=tuple(sorted([*frames, *new_frames], key=lambda frame: frame.frame or 0)),
         )
         if film.verdict == "passes":
             store.drop()
@@ -140,6 +143,15 @@ class _Comparer:
         if picture.file is not None and frame.status != "missing":
             old = self.store.add("old", kept, file_content(self.folder.file(picture.file)), old.digest, old.psnr)
         return replace(frame, frame=golden.frame, old=old, new=new)
+
+    def show_new(self, number: int, num_frames: int) -> ComparedFrame:
+        """Return the outcome of a drawn frame that has no golden, with its picture. num_frames: of the scene."""
+        file, name = self.drawn.files[number], golden_file_name(number, num_frames)
+        content = file_content(file)
+        picture = decode_picture(content, file)
+        kept = golden_file_name(number, number + 1)
+        new = self.store.add("new", kept, content, picture_digest(picture), self.drawn.psnr.get(number))
+        return replace(compare_frame(name, None, picture, self.limit), frame=number, new=new)
 
     def _compare_one(self, name: str, golden: GoldenPicture, actual: Pixels, stated: float | None) -> ComparedFrame:
         if golden.file is None:

@@ -118,7 +118,7 @@ def plan_update(
 
 
 def _frames(scene: GoldenScene, frames: str | None, before: GoldenRecord | None, job: FilmJob) -> list[int]:
-    """Return the frames that are drawn: those of the option, or the golden ones, or those of the project."""
+    """Return the frames that are drawn: those of the option, or the golden ones and those of the project."""
     if frames is not None or before is None:
         return [*parse_frames(frames or scene.rules.frames, job.scene.num_frames, job.frames)]
     there = frozenset(job.frames)
@@ -131,7 +131,19 @@ def _frames(scene: GoldenScene, frames: str | None, before: GoldenRecord | None,
             expected=f"frame {before.frames[0].frame}, or others listed in {scene.folder.path}",
             hint="--update --frames : --prune draws all frames anew",
         )
-    return found
+    return sorted([*found, *frames_without_goldens(scene.rules.frames, before, job)])
+
+
+def frames_without_goldens(frames: str | None, record: GoldenRecord, job: FilmJob) -> list[int]:
+    """Return the frames of a project that have no golden. frames: those that golden.yaml names; None for none.
+
+    Raises InputError if the scene has none of the frames.
+    """
+    if frames is None:
+        return []
+    named = parse_frames(frames, job.scene.num_frames, job.frames)
+    golden = {each.frame for each in record.frames}
+    return [number for number in named if number not in golden]
 
 
 def keeps_files(rules: SceneRules, before: GoldenRecord | None) -> bool:
