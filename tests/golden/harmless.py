@@ -60,10 +60,10 @@ def _in_float64(shot: Shot) -> Pixels | None:
     """Draw by the reference, which takes its time.
 
     Frames with a subsampled pixel grid are left out: where neighbours differ by nearly the threshold, float64 may draw
-    pixels that float32 interpolates.
+    pixels that float32 interpolates. The reference draws no labels.
     """
     if isinstance(shot.batch, BrickBatch):
-        is_possible = shot.batch.screen_sampling.strides == (1,)
+        is_possible = shot.batch.screen_sampling.strides == (1,) and not shot.stage.layers[0].volume.is_labels
         is_quick = shot.golden.size <= MAX_REFERENCE_PIXELS * shot.golden.shape[2]
     else:
         is_possible, is_quick = True, len(shot.order) <= MAX_REFERENCE_SPLATS
