@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from hsplat_cli.compare.golden.record import Golden, GoldenRecord, Origin
+from hsplat_cli.compare.golden.value_text import changed_value
 from hsplat_cli.compare.outcome import Change
-from renderer.scene import format_value, may_be_json, parse_yaml_file, read_content
+from renderer.scene import may_be_json, parse_yaml_file, read_content
 
 
 def changes_since(record: GoldenRecord, goldens: Sequence[Golden], now: Origin, file: Path) -> Iterator[Change]:
@@ -21,8 +22,8 @@ def changes_since(record: GoldenRecord, goldens: Sequence[Golden], now: Origin, 
     nearest_origin = min(origins, key=lambda origin: (len(origin.changes(now)), origin.device != now.device))
     lines = _lines(file)
     for path, was, value in nearest_origin.changes(now):
-        key = path.removeprefix("scene.")
-        yield Change(key, _text(was), _text(value), _line_of(key, lines))
+        key, before, after = changed_value(path.removeprefix("scene."), was, value)
+        yield Change(key, before, after, _line_of(key, lines))
     if nearest_origin.device != now.device:
         yield Change("device", nearest_origin.device, now.device)
     for name in sorted(nearest_origin.versions.keys() & now.versions):
@@ -46,7 +47,3 @@ def _line_of(key: str, lines: Mapping[str, int]) -> int:
             return lines[key]
         key = key.rpartition(".")[0]
     return 0
-
-
-def _text(value: object) -> str:
-    return "" if value is None else format_value(value)
