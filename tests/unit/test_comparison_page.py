@@ -200,3 +200,11 @@ def test_the_page_of_a_report_finds_its_pictures(tmp_path: Path) -> None:
     (only,) = data["films"][0]["frames"]
     for side in ("old", "new"):
         assert Path(tmp_path, "report", unquote(only[side])).is_file()
+
+
+def test_the_command_finds_the_scenes_and_goldens_that_were_compared(tmp_path: Path) -> None:
+    scene, goldens, report = (tmp_path / name for name in ("it's.yaml", "goldens here", "report"))
+    scene.write_text("volume: <b>", "utf-8")
+    compare(ComparisonRequest([str(scene)], goldens=goldens, report=report), Reporter(is_quiet=True))
+    data = data_of(Path(report, "index.html").read_text("utf-8"))
+    assert data["arguments"] == [str(scene), "--goldens", str(goldens)]
