@@ -11,8 +11,8 @@ frame, as text, as a report with a page, and for CI; goldens that were drawn, or
   it, from a folder or a ZIP archive; `terminal_text.py`: the same for the terminal.
 - `pytest_plugin.py`: the fixtures and options of pytest; `testing.py`: the work that they do.
 - `golden/`: `project.py` (golden.yaml), `record.py` (golden.json), `golden_folder.py` (changes it as a whole),
-  `drawing.py` (draws a scene's frames), `changes.py` (changed keys), `scene_comparison.py`, `update.py`,
-  `acceptance.py`.
+  `drawing.py` (draws a scene's frames), `changes.py` (changed keys), `value_text.py` (their values in
+  words), `scene_comparison.py`, `update.py`, `acceptance.py`.
 """
 
 import lazy_loader

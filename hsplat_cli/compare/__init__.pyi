@@ -53,5 +53,14 @@ from .golden.record import (
     golden_file_name as golden_file_name,
     picture_digest as picture_digest,
 )
-from .outcome import REPORT as REPORT, Change as Change, Mistake as Mistake, Nearness as Nearness
+from .golden.value_text import changed_value as changed_value
+from .outcome import (
+    REPORT as REPORT,
+    Change as Change,
+    Flickers as Flickers,
+    Mistake as Mistake,
+    Nearness as Nearness,
+    ReportPicture as ReportPicture,
+)
+from .page import report_page as report_page
 from .report_source import read_report as read_report, read_report_picture as read_report_picture

@@ -240,7 +240,12 @@ def nearness_text(frame: ComparedFrame) -> str:
     if frame.nearer is None:
         return ""
     old, new, differs = frame.nearer.old, frame.nearer.new, frame.nearer.differs
-    figures = f"the golden has {old:.1f} dB of the exact picture, the new one {new:.1f} dB"
+    figures = f"the golden has {_exactness(old)} of the exact picture, the new one {_exactness(new)}"
     if not differs:
-        return f"about as near to the exact picture: {figures}"
+        return f"not known whether nearer to the exact picture: {figures}, by too few rays to be sure"
     return f"{'nearer to' if new > old else 'further from'} the exact picture: {figures}"
+
+
+def _exactness(psnr: float) -> str:
+    """Return the PSNR of a picture against the exact one as text; it is MOST_DB if no probe shows an error."""
+    return f"{psnr:.1f} dB" if psnr < MOST_DB else f"{MOST_DB:.0f} dB or more"

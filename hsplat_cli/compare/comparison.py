@@ -42,8 +42,10 @@ def compare(request: ComparisonRequest, reporter: Reporter) -> Comparison:
     """
     with open_report(request.report, _inputs(request)) as report:
         pair = _pictures(request)
-        films = _scenes(request, report, reporter) if pair is None else [_files(pair, request, report, reporter)]
-        comparison = Comparison(tuple(films))
+        if pair is None:
+            comparison = Comparison(tuple(_scenes(request, report, reporter)), tuple(_arguments(request)))
+        else:
+            comparison = Comparison((_files(pair, request, report, reporter),))
         report.write(comparison)
     return comparison
 
@@ -78,6 +80,12 @@ def _pictures(request: ComparisonRequest) -> tuple[Path, Path] | None:
 def _inputs(request: ComparisonRequest) -> list[Path]:
     """Return the files and folders that a command line names."""
     return [Path(each) for each in (*request.places, request.goldens, request.volume) if each is not None]
+
+
+def _arguments(request: ComparisonRequest) -> list[str]:
+    """Return the words by which `hsplat golden` finds the scenes and the goldens of a request."""
+    goldens = [] if request.goldens is None else ["--goldens", str(request.goldens)]
+    return [*request.places, *goldens]
 
 
 def _files(

@@ -132,8 +132,9 @@ class ComparedFilm:
     scene, goldens: the scene's file and the folder of its goldens, relative to the project; empty for pictures.
     error: why it was not compared. mistakes: those of the scene, if they are the reason. changes: the keys in which
     scene, volume, device and versions differ from those of the goldens. notes: notes for the user. outdated: goldens
-    that nothing matches any more. origin: what drew the new frames. flicker: between neighbouring frames, if both
-    pictures of them are known. frames: the frames, in their order.
+    that nothing matches any more. origin: what drew the new frames. frames_per_second: the rate of the scene's film, if
+    it is known. flicker: between neighbouring frames, if both pictures of them are known. frames: the frames, in their
+    order.
     """
 
     name: str
@@ -146,6 +147,7 @@ class ComparedFilm:
     notes: tuple[str, ...] = ()
     outdated: tuple[str, ...] = ()
     origin: Origin | None = None
+    frames_per_second: Annotated[float | None, types.AMOUNT] = None
     flicker: Flickers | None = None
     frames: tuple[ComparedFrame, ...] = ()
 
@@ -186,9 +188,14 @@ class ComparedFilm:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The outcome of a comparison: the content of report.json. films: at least one, in the order of their names."""
+    """The outcome of a comparison: the content of report.json.
+
+    films: at least one, in the order of their names. arguments: the words of a command line by which `hsplat golden`
+    finds the same scenes and goldens in the same folder; none for those of its golden.yaml.
+    """
 
     films: tuple[ComparedFilm, ...]
+    arguments: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

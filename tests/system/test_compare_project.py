@@ -49,7 +49,7 @@ def test_a_change_is_reported_at_its_line(capsys: pytest.CaptureFixture[str], mo
     assert code == 1
     assert statuses(films["engine"]) == ["different"] * 4 and statuses(films["box"]) == ["same"] * 4
     (change,) = films["engine"]["changes"]
-    assert change == {"key": "transfer_function.points.2.color", "was": "'#ffffff'", "now": "'#ff0000'", "line": 6}
+    assert change == {"key": "transfer_function.points.2.color", "was": "#ffffff", "now": "#ff0000", "line": 6}
     commands = [line for line in out if line.startswith("::error ")]
     assert [line.split(",title")[0] for line in commands] == ["::error file=scenes/engine.yaml,line=6"]
     assert out[0].startswith("::stop-commands::") and out.index(f"::{out[0].split('::')[2]}::") < out.index(commands[0])

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from hsplat_cli.compare.golden.record import Golden, GoldenRecord, Origin
+from hsplat_cli.compare.golden.value_text import changed_value
 from hsplat_cli.compare.outcome import Change
-from renderer.scene import format_value, join_keys, may_be_json, parse_yaml_file, read_content
-
-# The keys of scenes whose values are colours, or hold colours.
-_COLOR_KEYS = frozenset(("color", "colors", "background"))
-# The largest distance of a channel from a whole number of 1/255, in steps of 1/255, at which a colour is hexadecimal.
-_ROUNDING = 1e-6
+from renderer.scene import may_be_json, parse_yaml_file, read_content
 
 
 def changes_since(record: GoldenRecord, goldens: Sequence[Golden], now: Origin, file: Path) -> Iterator[Change]:
@@ -27,8 +22,8 @@ def changes_since(record: GoldenRecord, goldens: Sequence[Golden], now: Origin, 
     nearest_origin = min(origins, key=lambda origin: (len(origin.changes(now)), origin.device != now.device))
     lines = _lines(file)
     for path, was, value in nearest_origin.changes(now):
-        key = path.removeprefix("scene.")
-        yield Change(key, _text(key, was), _text(key, value), _line_of(key, lines))
+        key, before, after = changed_value(path.removeprefix("scene."), was, value)
+        yield Change(key, before, after, _line_of(key, lines))
     if nearest_origin.device != now.device:
         yield Change("device", nearest_origin.device, now.device)
     for name in sorted(nearest_origin.versions.keys() & now.versions):
@@ -52,25 +47,3 @@ def _line_of(key: str, lines: Mapping[str, int]) -> int:
             return lines[key]
         key = key.rpartition(".")[0]
     return 0
-
-
-def _text(key: str, value: object) -> str:
-    """Return the value of a key as text; empty for a missing value."""
-    return "" if value is None else format_value(_with_hex_colors(key, value))
-
-
-def _with_hex_colors(key: str, value: Any) -> Any:
-    """Return the value of a key with each colour in it as `#6680e6`, as far as a channel of 8 bits can have it."""
-    if isinstance(value, Mapping):
-        return {name: _with_hex_colors(join_keys(key, str(name)), each) for name, each in value.items()}
-    if not isinstance(value, list):
-        return value
-    if not _COLOR_KEYS.isdisjoint(key.split(".")) and _is_of_8_bits(value):
-        return "#" + "".join(f"{round(255 * channel):02x}" for channel in value)
-    return [_with_hex_colors(join_keys(key, str(number)), each) for number, each in enumerate(value)]
-
-
-def _is_of_8_bits(color: Sequence[Any]) -> bool:
-    """Return whether a list is a colour whose channels, from 0 to 1, are whole numbers of 1/255."""
-    are_channels = len(color) == 3 and all(type(each) in (int, float) and 0 <= each <= 1 for each in color)
-    return are_channels and all(abs(255 * each - round(255 * each)) <= _ROUNDING for each in color)

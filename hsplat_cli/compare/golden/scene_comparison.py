@@ -89,6 +89,7 @@ def compare_scene(
             notes=(*drawn.record.notes, *_notes(others)),
             outdated=tuple(_outdated(record, goldens, frames, drawn.origin)),
             origin=drawn.origin,
+            frames_per_second=job.scene.output.frames_per_second,
             flicker=_flickers(record, drawn),
             frames=tuple(sorted([*frames, *new_frames], key=lambda frame: frame.frame or 0)),
         )
