@@ -35,8 +35,8 @@ from renderer.system import ChildProcesses, describe_exit, num_cores, open_anony
 # Seconds that interrupted processes have to remove their unfinished work and end. After them they are killed: a library
 # that is being loaded can lose an interrupt.
 _TERMINATE_TIMEOUT_S = 10.0
-# The number of threads of numpy's linear algebra. They wait for work by spinning, which took 6 % of processor time
-# of films of 64^3 voxels.
+# The number of threads of numpy's linear algebra. They wait for work by spinning, which took 6 % of the time of
+# processors for films of 64^3 voxels.
 _THREADS = {"OPENBLAS_NUM_THREADS": "1"}
 
 
