@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hsplat_cli.commands.shared_options import cache_option
 from hsplat_cli.scenes import (
     ReadingOptions,
     expand_volumes,
@@ -128,6 +129,7 @@ class _VolumeFacts:
 @click.command()
 @click.argument("volume", type=VolumePath())
 @volume_options()
+@cache_option
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
 def info(*, volume: Path | str, as_json: bool, reading: ReadingOptions) -> None:
     """Describe a volume: shape, place, values and histogram.

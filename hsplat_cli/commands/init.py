@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from hsplat_cli.commands.shared_options import cache_option
 from hsplat_cli.scenes import (
     ReadingOptions,
     SceneRequest,
@@ -34,6 +35,7 @@ from renderer.system import num_cores
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @film_options
 @volume_options()
+@cache_option
 def init(*, volume: Path | str, output: Path | None, force: bool, film: FilmOptions, reading: ReadingOptions) -> None:
     """Write a scene file for a volume, to start from.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.shared_options import quiet_option, require_none_of
+from hsplat_cli.commands.shared_options import cache_option, quiet_option, require_none_of
 from hsplat_cli.scenes import (
     ReadingOptions,
     SceneRequest,
@@ -42,6 +42,7 @@ _PAGE = "Write to this page.  [default: NAME.html in the current folder]"
 @click.option("--serve", is_flag=True, help="As --watch, on a page that this machine alone can open.")
 @film_options
 @volume_options()
+@cache_option
 @quiet_option()
 def preview(
     *,

@@ -11,12 +11,29 @@ from click.core import ParameterSource
 
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, VolumePath, option_group
+from renderer import cache
 from renderer.errors import InputError
 
 # The click type of an argument that names a file to read. click does not check that the file exists, because its
 # messages differ from hsplat's.
 FILE = click.Path(path_type=Path, readable=False)
 _SCENE = click.argument("scene", type=FILE)
+
+
+def _use_cache(context: click.Context, _parameter: click.Parameter, folder: Path | None) -> None:
+    """Let the process keep what it makes of volumes in a folder, until the command ends."""
+    if folder is not None:
+        context.with_resource(cache.caching_in(folder))
+
+
+cache_option = click.option(
+    "--cache",
+    type=FILE,
+    metavar="FOLDER",
+    expose_value=False,
+    callback=_use_cache,
+    help="Keep what was read and made of large volumes here, for the next command.",
+)
 
 
 def _make_reporter(_context: click.Context, _parameter: click.Parameter, is_quiet: bool) -> Reporter:
@@ -44,6 +61,7 @@ def takes_scene(
         click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help=set_help),
         click.option("--frames", metavar="A:B:STEP", help=frames_help),
         click.option("--volume", type=VolumePath(), metavar="FILE", help=volume_help),
+        cache_option,
     )
 
     def declare(command: Callable[..., None]) -> Callable[..., None]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from hsplat_cli.commands.shared_options import FILE, quiet_option, require_none_of
+from hsplat_cli.commands.shared_options import FILE, cache_option, quiet_option, require_none_of
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_scheduler
 from hsplat_cli.scenes import (
     ReadingOptions,
@@ -58,6 +58,7 @@ from renderer.suggest import FilmOptions
 )
 @film_options
 @volume_options()
+@cache_option
 @executor_options
 @click.option("--force", is_flag=True, help="Draw again, and overwrite scenes that were edited.")
 @quiet_option(help="Print only the table and errors.")

@@ -112,7 +112,7 @@ class Progress:
 
 
 class PassProgress:
-    """Shows each pass over the voxels of a volume that takes longer than a second, in MiB.
+    """Shows each pass over voxels, and each reading of a level, that takes longer than a second, in MiB.
 
     stream: None shows nothing. clock: a function that returns seconds.
     """
@@ -122,12 +122,12 @@ class PassProgress:
         self._bar: Progress | None = None
         self._num_finished = 0
 
-    def __call__(self, num_read: int, num_bytes: int) -> None:
-        """Show how many of the bytes of a pass were read; 0 begins a pass."""
+    def __call__(self, num_read: int, num_bytes: int, what: str) -> None:
+        """Show how many of the bytes of a pass were read; 0 begins a pass. what: a word for what is read."""
         if num_read == 0 or self._bar is None:
             self.close()
             steps, unit, self._num_finished = -(-num_bytes // _PASS_UNIT), "MiB", 0
-            self._bar = Progress(steps, "reading voxels", self._stream, self._clock, unit, _PASS_DELAY_S)
+            self._bar = Progress(steps, f"reading {what}", self._stream, self._clock, unit, _PASS_DELAY_S)
         finished = -(-num_read // _PASS_UNIT)
         for _ in range(self._num_finished, finished):
             self._bar.advance()

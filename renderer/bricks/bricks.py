@@ -10,7 +10,8 @@ before.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from renderer.bricks.brick_means import color_texels
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells, voxels_of
 from renderer.bricks.node_statistics import NodeStatistics, or_of_neighbours
 from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve
+from renderer.cache import NOT_KEPT, KeptArrays
 from renderer.kernels import LightGrid, PiecewiseTransfer, ThreadPool, kernels
 from renderer.pyramid import (
     STREAMED_LEVELS,
@@ -28,6 +30,8 @@ from renderer.pyramid import (
     descendants,
     error_scale,
     node_errors,
+    pyramid_arrays,
+    restore_pyramid,
     root_cells,
 )
 from renderer.transfer import (
@@ -37,7 +41,7 @@ from renderer.transfer import (
     make_piecewise_transfer,
     make_transfer_table,
 )
-from renderer.volume import Bools, Float32, Float64, Volume, meet_mask, reduce_blocks
+from renderer.volume import Array, Bools, Float32, Float64, Volume, meet_mask, reduce_blocks
 
 # The number of bricks that a ray is assumed to cross, from which the error of a ray is estimated. With 1 in place of 4,
 # pictures of 42 and 45 dB take 1.2 times as long (mean of 10 volumes), because cells then err more than steps; pictures
@@ -124,6 +128,7 @@ def make_bricks(
     light_grid: LightGrid = NO_LIGHT_GRID,
     has_lit_labels: bool = False,
     num_threads: int = 2,
+    kept: KeptArrays = NOT_KEPT,
     **options: Any,
 ) -> Bricks:
     """Build the bricks of all levels, and their pyramid. The result does not depend on `num_threads`.
@@ -131,12 +136,34 @@ def make_bricks(
     The pyramid has no nodes of the levels up to STREAMED_LEVELS: their statistics are gathered as they are built, and
     their means are recomputed from voxels for drawing.
 
-    light_grid, and options (spec, error, shading, finest_cut): as in `build_pyramid`. has_lit_labels: whether samples
-    of labels are lit. Raises InputError if the volume's file was changed.
+    light_grid, and options (spec, error, shading): as in `build_pyramid`. has_lit_labels: whether samples of labels are
+    lit. kept: the entry in which the same bricks were kept, or are kept now. Raises InputError if the volume's file was
+    changed.
+    """
+    options |= {"light_grid": light_grid}
+    arrays = kept.find()
+    if arrays is not None:
+        pyramid = restore_pyramid(arrays, volume, transfer, **options)
+        levels, are_cut = _restored_levels(arrays), arrays.get("are_cut")
+    else:
+        pyramid, levels, are_cut = _build(volume, transfer, options, num_threads, has_lit_labels=has_lit_labels)
+        kept.keep(pyramid_arrays(pyramid) | _level_arrays(levels) | ({} if are_cut is None else {"are_cut": are_cut}))
+    volume_range = volume.value_range()
+    scalar_range = _scalar_range(transfer, *volume_range)
+    pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)
+    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, light_grid, are_cut)
+
+
+def _build(
+    volume: Volume, transfer: TransferFunction, options: dict[str, Any], num_threads: int, *, has_lit_labels: bool
+) -> tuple[Pyramid, list[BrickLevel], Bools | None]:
+    """Build the pyramid and the levels of bricks from the voxels; the third value is Bricks.are_cut.
+
+    options: the options of `build_pyramid`.
     """
     statistics = [NodeStatistics.empty(volume, level) for level in range(1, STREAMED_LEVELS + 1)]
-    options |= {"light_grid": light_grid, "num_threads": num_threads, "streamed": [each.sums for each in statistics]}
-    pyramid = build_pyramid(volume, transfer, **options)
+    streamed = [each.sums for each in statistics]
+    pyramid = build_pyramid(volume, transfer, num_threads=num_threads, streamed=streamed, **options)
     volume_range = volume.value_range()
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):
@@ -156,9 +183,20 @@ def make_bricks(
         of_parents = statistics[number].step_errors_below()
         step_errors = np.maximum(of_parents, _cell_error_scale(pyramid, number + 1) * differences)
         levels.append(BrickLevel(of_nodes.visible_bounds(), errors, step_errors))
-    scalar_range = _scalar_range(transfer, *volume_range)
-    pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)
-    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, light_grid, are_cut)
+    return pyramid, levels, are_cut
+
+
+def _level_arrays(levels: Sequence[BrickLevel]) -> dict[str, Array]:
+    """Return the arrays of levels of bricks by names, from which `_restored_levels` makes the levels again."""
+    names = [field.name for field in fields(BrickLevel)]
+    return {f"{name}_of_{number}": getattr(each, name) for number, each in enumerate(levels) for name in names}
+
+
+def _restored_levels(arrays: Mapping[str, Array]) -> list[BrickLevel]:
+    """Return the levels of bricks from the arrays that `_level_arrays` returned."""
+    names = [field.name for field in fields(BrickLevel)]
+    num = sum(name.startswith(f"{names[0]}_of_") for name in arrays)
+    return [BrickLevel(*(arrays[f"{name}_of_{number}"] for name in names)) for number in range(num)]
 
 
 def _clear_masked(bounds: Float32, volume: Volume) -> Bools:

@@ -1,6 +1,6 @@
 """Call kernels through ctypes.
 
-    kernels().bin_bricks(tile_windows=windows, num_columns=3, ...)
+    kernels().bin_bricks(tile_windows=windows, starts=starts, ...)
     draw = kernels().draw_tiles.partial(grid=grid, bricks=bricks, ...)   # checked and converted once
     draw(tiles=tiles)                                                    # on any thread
 

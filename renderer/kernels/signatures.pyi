@@ -340,12 +340,23 @@ class Kernels:
         brightest: float,
         texels: NDArray[np.float32],
     ) -> None: ...
+    def place_bricks(
+        self,
+        *,
+        rectangles_px: NDArray[np.float64],
+        first_px: NDArray[np.float64],
+        step_px: float,
+        reach_px: float,
+        shape: tuple[int, int],
+        side: int,
+        rectangles: NDArray[np.int64],
+        tile_windows: NDArray[np.int64],
+    ) -> None: ...
     def bin_bricks(
         self,
         *,
         tile_windows: NDArray[np.int64],
-        num_columns: int,
-        num_rows: int,
+        have_rays: NDArray[np.bool],
         starts: NDArray[np.int64],
         numbers: NDArray[np.int64],
     ) -> None: ...

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme_bricks, make_bricks
+from renderer.cache import KeptArrays
 from renderer.kernels import LightGrid
 from renderer.layers.label_numbers import leave_out_masked, number_labels
 from renderer.lighting import compute_light_grid
@@ -120,7 +121,8 @@ def _parts(spec: LayerSpec, scene: Scene, held: _Held) -> tuple[Any, ...]:
 
 def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:
     """Return a digest by which a layer is found again: of its voxels, and of the parts of a scene it is made from."""
-    made_from = (volume.fingerprint, *layer_parts(spec, scene), finest_cut)
+    facts = volume.fingerprint, volume.is_labels, volume.opacity_unit
+    made_from = (*facts, *layer_parts(spec, scene), finest_cut)
     return hashlib.blake2b(repr(made_from).encode(), digest_size=16).hexdigest()
 
 
@@ -138,6 +140,7 @@ def make_layer(
     finest_cut: the bound of the cuts that will be made of the pyramid. lap: a function that is called with the name of
     each finished step. Raises InputError if the volume's file was changed.
     """
+    digest, num_bytes = layer_digest(spec, scene, volume, finest_cut), volume.values.nbytes
     transfer = _transfer_of(spec, volume)
     if (labels := spec.transfer_function.labels) is not None:
         volume = number_labels(volume, labels.values)
@@ -149,24 +152,27 @@ def make_layer(
     if spec.shading is not None and spec.shading.has_light_grid:
         clip = place_object_clips(volume, scene.clip + spec.clip)
         are_removed = None if clip is None else partial(are_clipped_away, clip)
-        light_grid = compute_light_grid(volume, optics, spec.shading, are_removed=are_removed, num_threads=num_threads)
+        light_grid = compute_light_grid(
+            volume, optics, spec.shading, are_removed=are_removed, num_threads=num_threads,
+            kept=KeptArrays.of("light", digest, num_bytes),
+        )  # fmt: skip
         lap("light")
     baked = spec.shading and spec.shading.lambert  # other shading is computed at samples between voxels
     baked = None if volume.is_labels else baked
     options: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": baked}
-    options |= {"light_grid": light_grid, "num_threads": num_threads, "finest_cut": finest_cut}
+    options |= {"light_grid": light_grid, "num_threads": num_threads}
     bricks = extremes = None
     if scene.needs_opengl:
-        pyramid = build_pyramid(volume, optics, **options)
+        pyramid = build_pyramid(volume, optics, finest_cut=finest_cut, **options)
     else:
         has_lit_labels = volume.is_labels and spec.shading is not None
-        bricks = make_bricks(volume, optics, has_lit_labels=has_lit_labels, **options)
+        kept = KeptArrays.of("bricks", digest, num_bytes)
+        bricks = make_bricks(volume, optics, has_lit_labels=has_lit_labels, kept=kept, **options)
         pyramid = bricks.pyramid
         if scene.mode.is_extremum:
             alone = BrickLayers((BrickLayer(bricks),), spec.clip)
             extremes = extreme_bricks(alone, scene.mode, num_threads=num_threads)
     lap("pyramid")
-    digest = layer_digest(spec, scene, volume, finest_cut)
     return Layer(spec, volume, transfer, projection, light_grid, pyramid, bricks, extremes, digest)
 
 

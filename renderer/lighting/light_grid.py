@@ -17,6 +17,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from renderer.cache import NOT_KEPT, KeptArrays
 from renderer.kernels import LightGrid, ThreadPool, kernels
 from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import TransferFunction, make_classifier, make_light_grid, raw_voxels
@@ -60,22 +61,44 @@ def compute_light_grid(
     are_removed: Callable[[Float64], Bools] | None = None,
     max_cells: int = MAX_CELLS,
     num_threads: int = 1,
+    kept: KeptArrays = NOT_KEPT,
 ) -> LightGrid:
     """Return the light grid for a shading. The result does not depend on the number of threads.
 
     are_removed: tells which boxes are clipped away and let all light through. Boxes are float64 [n, 2, 3], the lowest
         and highest corners in index space relative to the volume's centre.
     max_cells: the largest number of cells along the longest axis of the grid.
+    kept: the entry in which the same factors were kept, or are kept now.
 
     Raises InputError if the volume's file was changed.
     """
     level = max(0, (-(-max(volume.shape_xyz) // max_cells) - 1).bit_length())
+    factors = kept.find()
+    if factors is None:
+        factors = _factors(volume, transfer, shading, are_removed, level, num_threads)
+        kept.keep(factors)
+    strengths = float(shading.occlusion), float(shading.shadow)
+    return make_light_grid(factors.get("occlusion"), factors.get("shadow"), float(1 << level), strengths)
+
+
+def _factors(
+    volume: Volume,
+    transfer: TransferFunction,
+    shading: ShadingSpec,
+    are_removed: Callable[[Float64], Bools] | None,
+    level: int,
+    num_threads: int,
+) -> dict[str, Float32]:
+    """Return the factors that the shading asks for, `occlusion` and `shadow`, as `make_light_grid` takes them.
+
+    level: the octree level of the cells of the grid.
+    """
     width = volume.finest_spacing * 2**level
     start = START_CELLS * width
     radius = shading.occlusion_radius
     radius = max(OCCLUSION_RADIUS * 2 * volume.half_diagonal if radius is None else radius, start + width)
     across = float(volume.spacing @ volume.shape_xyz)  # at least the length of any ray through the volume
-    occlusions = shadows = None
+    factors = dict[str, Float32]()
     with ThreadPool(num_threads) as threads:
         depths = _mean_depths(volume, transfer, level, threads)
         if are_removed is not None:
@@ -83,11 +106,12 @@ def compute_light_grid(
         if shading.occlusion > 0:
             ends = _sample_ends(start, radius, width, _OCCLUSION_GROWTH)
             mean = _transmission(volume, depths, level, _sphere(_NUM_OCCLUSION_RAYS), ends, threads)
-            occlusions = np.minimum(2 * mean, np.float32(1))
+            factors["occlusion"] = np.minimum(2 * mean, np.float32(1))
         if shading.shadow > 0 and shading.light != "camera":
             ends = _sample_ends(start, start + across, width, _LIGHT_GROWTH)
-            shadows = _transmission(volume, depths, level, _cone(shading.light, _NUM_LIGHT_RAYS), ends, threads)
-    return make_light_grid(occlusions, shadows, float(1 << level), (float(shading.occlusion), float(shading.shadow)))
+            directions = _cone(shading.light, _NUM_LIGHT_RAYS)
+            factors["shadow"] = _transmission(volume, depths, level, directions, ends, threads)
+    return factors
 
 
 def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads: ThreadPool) -> Float32:

@@ -1,4 +1,9 @@
-from .building import STREAMED_LEVELS as STREAMED_LEVELS, build_pyramid as build_pyramid
+from .building import (
+    STREAMED_LEVELS as STREAMED_LEVELS,
+    build_pyramid as build_pyramid,
+    pyramid_arrays as pyramid_arrays,
+    restore_pyramid as restore_pyramid,
+)
 from .cut import (
     Cut as Cut,
     cell_voxel_counts as cell_voxel_counts,

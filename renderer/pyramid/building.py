@@ -7,8 +7,9 @@ volume has to be kept until all blocks are built.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -72,6 +73,11 @@ TIER_LEVELS = 2
 # added to statistics of bricks as they are built.
 STREAMED_LEVELS = 2
 
+# The bound of the cuts of a pyramid that does not store the streamed levels.
+_FINEST_STREAMED = FinestCut(level=STREAMED_LEVELS + 1)
+# The arrays of a level that are kept for later processes; the indices of first children follow from the masks.
+_KEPT_OF_LEVEL = ("means", "errors", "masks")
+
 # The factor on a tolerance that allows for the rounding of stored errors: an error below the product is also below the
 # tolerance once it is rounded.
 ROUNDING_MARGIN = 1 - 2.0**-9
@@ -101,7 +107,7 @@ def build_pyramid(
     Raises InputError if the volume's file was changed.
     """
     num_levels = max(BLOCK_LEVELS if streamed else 1, (max(volume.shape_xyz) - 1).bit_length())
-    finest_cut = FinestCut(level=STREAMED_LEVELS + 1) if streamed else finest_cut
+    finest_cut = _FINEST_STREAMED if streamed else finest_cut
     plan = _plan_build(volume, transfer, spec, error, (shading, light_grid), finest_cut)
     if streamed:
         plan = replace(plan, streamed=_streamed_levels(plan, streamed))
@@ -113,6 +119,38 @@ def build_pyramid(
         stored += levels
     linked = tuple(_link_children(nodes) for nodes in stored[:num_levels])
     return replace(plan.pyramid, levels=linked)
+
+
+def pyramid_arrays(pyramid: Pyramid) -> dict[str, Array]:
+    """Return arrays from which `restore_pyramid` makes a pyramid of streamed levels again."""
+    arrays: dict[str, Array] = {"occupied": pyramid.occupied}
+    for number, level in enumerate(pyramid.levels, 1):
+        arrays |= {f"{name}_{number}": getattr(level, name) for name in _KEPT_OF_LEVEL}
+    return arrays
+
+
+def restore_pyramid(
+    arrays: Mapping[str, Array],
+    volume: Volume,
+    transfer: TransferFunction,
+    *,
+    spec: PyramidSpec,
+    error: ErrorSpec,
+    shading: ShadingSpec | None = None,
+    light_grid: LightGrid = NO_LIGHT_GRID,
+) -> Pyramid:
+    """Return the pyramid that `build_pyramid` made of the same volume and options, with streamed levels.
+
+    arrays: as `pyramid_arrays` returned them. No voxels are read.
+    """
+    plan = _plan_build(volume, transfer, spec, error, (shading, light_grid), _FINEST_STREAMED)
+    levels = []
+    for number in itertools.count(1):
+        if f"means_{number}" not in arrays:
+            break
+        of_level = {name: arrays[f"{name}_{number}"] for name in _KEPT_OF_LEVEL}
+        levels.append(_link_children(Level(**of_level, first_children=np.empty(0, np.int64))))
+    return replace(plan.pyramid, levels=tuple(levels), occupied=arrays["occupied"])
 
 
 @dataclass(frozen=True)

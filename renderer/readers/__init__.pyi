@@ -33,3 +33,4 @@ from .procedural import procedural_values as procedural_values
 from .recent_images import ImageRequest as ImageRequest, RecentImages as RecentImages
 from .statements import FormatTable as FormatTable, Statement as Statement
 from .volume_reading import crop_image as crop_image
+from .voxel_limits import check_memory as check_memory

@@ -102,7 +102,7 @@ def _read(source: Any, part: Sequence[int | slice], meaning: Values, host: Host)
     """Return the values [z, y, x] of a part of a dataset."""
     shape = tuple(item.stop - item.start for item in part if isinstance(item, slice))
     values = allocate_voxels(host, (1,) * (3 - len(shape)) + shape, meaning.dtype)
-    for own, target in slabs_of(part, source.chunks or (1,) * source.ndim, values.reshape(shape)):
+    for own, target in slabs_of(part, values.reshape(shape), source.chunks or (1,) * source.ndim):
         stored = decoded(source, own)
         if not meaning.is_scaled:
             target[...] = stored.view(target.dtype)

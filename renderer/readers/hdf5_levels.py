@@ -15,7 +15,7 @@ from renderer.errors import InputError
 from renderer.readers.hdf5_objects import Dataset, Group, check_dataset, dataset_at, decoded
 from renderer.readers.hdf5_values import plain_values
 from renderer.scene import short_text
-from renderer.stores import Axis, Box, ImagePlan, Level, OpenImage, StoredImage, slabs_of
+from renderer.stores import Axis, Box, ImagePlan, Level, OpenImage, StoredImage
 from renderer.volume import Array, Float64
 
 
@@ -72,8 +72,7 @@ class LevelsOfFile(OpenImage):
         if source.dtype != self._dataset(level, 0, 0).dtype or any(np.less(source.shape, own.shape[2:])):
             raise self._lacks(level, time, channel)
         check_dataset(source, self._path)
-        for part, target in slabs_of(box, (1, 1, *(source.chunks or (1, 1, 1))), out):
-            target[...] = decoded(source, part[2:]).view(own.dtype)
+        out[...] = decoded(source, box[2:]).view(own.dtype)
 
     def _level(self, number: int) -> Level:
         plan, first = self._found.plan.levels[number], self._dataset(number, 0, 0)

@@ -28,6 +28,9 @@ class Image:
         affine is then still of all voxels. None if `values` hold all voxels.
     finest_from_index: float64 [4, 4], from the voxel indices of this level to those of the finest level. A spacing in
         the scene is of the finest level.
+    marks: a text that changes when the metadata of the store do, if it is at a URL.
+    is_on_disk: whether `values` are mapped from a temporary file or from an entry of the cache folder, so that they
+        take memory only for as long as nothing else needs it.
     """
 
     values: Array
@@ -42,3 +45,5 @@ class Image:
     levels: tuple[VolumeLevel, ...] = ()
     box: tuple[tuple[int, int], ...] | None = None
     finest_from_index: Float64 | None = None
+    marks: str = ""
+    is_on_disk: bool = False

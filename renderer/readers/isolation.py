@@ -1,7 +1,8 @@
 """Run a reader in a child process with limits on memory and time, for formats that large libraries parse.
 
 A file that makes such a library crash, loop or fill the memory ends the child, and raises InputError here. Voxels come
-back in shared memory, and everything else as JSON, which is checked like a file: an answer can only be data, not code.
+back in a shared file, and everything else as JSON, which is checked like a file: an answer can only be data, not code.
+The shared file has the format of NumPy (.npy). It is in memory, on disk without a name, or a file of the cache folder.
 
 This file is also the program of the child: `python -m renderer.readers.isolation` with the request as JSON.
 """
@@ -9,6 +10,7 @@ This file is also the program of the child: `python -m renderer.readers.isolatio
 from __future__ import annotations
 
 import importlib
+import io
 import json
 import math
 import mmap
@@ -16,7 +18,9 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import IO, Any
@@ -32,7 +36,7 @@ from renderer.readers.units import units_of
 from renderer.readers.voxel_limits import check_dtype, check_memory, check_size
 from renderer.scene import is_url, short_text
 from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
-from renderer.volume import Array, Channel, Label, VolumeLevel
+from renderer.volume import Array, Channel, Label, VolumeLevel, tell_pass
 
 # The memory that a child may use beside voxels and files, in bytes.
 _MEMORY_BYTES = 1 << 30
@@ -54,58 +58,122 @@ _FILES_PER_SECOND = 10
 _MAX_ANSWER_BYTES = 1 << 24
 # The fields of an InputError that a child sends in place of an image.
 _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
+# The fields of an Image that a child sends as they are.
+_PLAIN_FIELDS = ("notes", "nodata", "steps", "units", "levels", "box", "marks")
+
+# The files of an entry of the cache folder, which has the voxels of an image, and the answer of the child as bytes.
+_VOXELS, _ANSWER = "voxels", "answer"
 
 
 def allocate_voxels(host: Host, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-    """Return an array of zeros for voxels [z, y, x]; raises InputError for a size of 0, and for too little memory."""
-    check_memory(check_size(shape[::-1], dtype))
+    """Return an array of zeros for voxels [z, y, x]; raises InputError for a size of 0, and for too little room."""
+    host.require_room(check_size(shape[::-1], dtype))
     return host.allocate(shape, dtype)
 
 
-def read_isolated(reader: str, path: Path | str, *, on_disk: bool = False, **arguments: Any) -> Image:
+def read_isolated(
+    reader: str, path: Path | str, *, on_disk: bool = False, entry: Path | None = None, **arguments: Any
+) -> Image:
     """Call a reader in a child process, and return its image.
 
     reader: the function, as `module:function`; its arguments are the path, `arguments`, and a `host`. path: a path, or
-        a text that is the URL of a store. on_disk: whether voxels are shared in a temporary file. arguments: values
-        that JSON can express. Raises InputError if the reader raises one or fails in any other way, and RenderError if
-        the child cannot run.
+        a text that is the URL of a store. on_disk: whether voxels are shared in a temporary file. entry: the folder of
+        an entry of the cache folder, in which voxels are shared and from which `kept_image` makes the same image.
+        arguments: values that JSON can express. Raises InputError if the reader raises one or fails in any other way,
+        and RenderError if the child cannot run.
     """
+    request = {"reader": reader, "path": str(path), "arguments": arguments, "limits": _limits(path)}
+    with ChildProcesses() as children, ExitStack() as files:
+        if entry is None:
+            voxels = files.enter_context(open_anonymous_file(on_disk=on_disk))
+            text = _ask(children, {**request, "folder": tempfile.gettempdir()}, voxels)
+        else:
+            voxels, answer = (files.enter_context(_file_in(entry, name).open("w+b")) for name in (_VOXELS, _ANSWER))
+            text = _ask(children, {**request, "folder": str(entry.parent)}, voxels)
+            np.save(answer, np.frombuffer(text, np.uint8), allow_pickle=False)
+        told = json.loads(text)
+        shape, dtype, num_bytes = _layout(told)
+        first = len(_header(shape, dtype))
+        mapped = mmap.mmap(voxels.fileno(), first + num_bytes)
+        values = np.frombuffer(mapped, dtype, offset=first).reshape(shape)
+        return _image(told, values, is_on_disk=on_disk or entry is not None)
+
+
+def kept_image(arrays: Mapping[str, Array]) -> Image | None:
+    """Return the image in an entry of the cache folder; None if the entry is damaged. arrays: those of the entry."""
+    try:
+        told = json.loads(arrays[_ANSWER].tobytes())
+        shape, dtype, _ = _layout(told)
+        values = arrays[_VOXELS]
+        return _image(told, values, is_on_disk=True) if (values.shape, values.dtype) == (shape, dtype) else None
+    except (KeyError, TypeError, ValueError, InputError):
+        return None
+
+
+def _file_in(entry: Path, name: str) -> Path:
+    return entry / f"{name}.npy"
+
+
+def _limits(path: Path | str) -> dict[str, int]:
+    """Return the limits of a child that reads a file: bytes of memory, and seconds of processor time."""
     stats = [] if isinstance(path, str) else _stats(path)
     # A sparse file may store fewer bytes than its size: st_blocks counts stored blocks, always in units of 512 bytes.
     num_bytes = sum(min(stat.st_size, 512 * stat.st_blocks) for stat in stats)
     seconds = _SECONDS + len(stats) // _FILES_PER_SECOND + num_bytes // _PARSED_BYTES_PER_SECOND
     memory = _MEMORY_BYTES + _NUM_COPIES * max((stat.st_size for stat in stats), default=0)
-    limits = {"memory": memory, "seconds": seconds}
-    request = json.dumps({"reader": reader, "path": str(path), "arguments": arguments, "limits": limits})
-    with ChildProcesses() as children, open_anonymous_file(on_disk=on_disk) as voxels:
-        receiver, sender = os.pipe()
-        with open(receiver, "rb") as answers:
-            try:
-                child = children.start(
-                    __name__,
-                    [str(sender), str(voxels.fileno()), request],
-                    pass_fds=(sender, voxels.fileno()),
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                )
-            except OSError as error:
-                raise _no_process_error(path, str(error)) from error
-            finally:
-                os.close(sender)
-            whole, _, _ = answers.read(_MAX_ANSWER_BYTES).rpartition(b"\n")  # the child may end within a line
-        status = child.wait()
-        if not whole:
-            raise _no_process_error(path, describe_exit(status))
-        answer = json.loads(whole.splitlines()[-1])
-        if isinstance(answer, str):
-            raise InputError(
-                "reading this file ended the process that decodes it",
-                where=answer,
-                got=describe_exit(status),
-                expected=f"at most {_MEMORY_BYTES >> 20} MiB beside the voxels and {seconds} s without them",
-                hint="the file is damaged, or made to do harm",
+    return {"memory": memory, "seconds": seconds}
+
+
+def _ask(children: ChildProcesses, request: dict[str, Any], voxels: IO[bytes]) -> bytes:
+    """Let a child call a reader, and return the image that it answers with, as JSON.
+
+    request: the reader, its path and its arguments, the limits of the child, and the folder of the shared file for
+    messages. voxels: the shared file. Raises InputError if the answer is an error, or if there is none.
+    """
+    receiver, sender = os.pipe()
+    with open(receiver, "rb") as answers:
+        try:
+            child = children.start(
+                __name__,
+                [str(sender), str(voxels.fileno()), json.dumps(request)],
+                pass_fds=(sender, voxels.fileno()),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
             )
-        return _image(answer, voxels)
+        except OSError as error:
+            raise _no_process_error(request["path"], str(error)) from error
+        finally:
+            os.close(sender)
+        text = _last_line(answers)
+    status = child.wait()
+    if not text:
+        raise _no_process_error(request["path"], describe_exit(status))
+    answer = json.loads(text)
+    if isinstance(answer, str):
+        seconds = request["limits"]["seconds"]
+        raise InputError(
+            "reading this file ended the process that decodes it",
+            where=answer,
+            got=describe_exit(status),
+            expected=f"at most {_MEMORY_BYTES >> 20} MiB beside the voxels and {seconds} s without them",
+            hint="the file is damaged, or made to do harm",
+        )
+    if "what" in answer:
+        what, *others = (answer[name] for name in _ERROR_FIELDS)
+        raise InputError(what, **dict(zip(_ERROR_FIELDS[1:], others, strict=True)))
+    return text
+
+
+def _last_line(answers: IO[bytes]) -> bytes:
+    """Return the last line that a child has sent, without those on progress, which the watcher of passes is told."""
+    last = b""
+    while (line := answers.readline(_MAX_ANSWER_BYTES)).endswith(b"\n"):  # the child may end within a line
+        if not line.startswith(b"["):
+            last = line
+            continue
+        num_read, num_bytes, what = json.loads(line)
+        tell_pass(int(num_read), int(num_bytes), str(what))
+    return last
 
 
 def _stats(path: Path) -> list[os.stat_result]:
@@ -114,27 +182,32 @@ def _stats(path: Path) -> list[os.stat_result]:
     return [file.stat() for file in files]
 
 
-def _no_process_error(path: Path | str, got: str) -> RenderError:
+def _no_process_error(path: str, got: str) -> RenderError:
     return RenderError(
         "the process that decodes this file cannot be started",
-        where=str(path),
+        where=path,
         got=got,
         hint="check that `sys.executable` is a Python that runs, and that the system allows another process",
     )
 
 
-def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
-    """Return the image that the answer of a child describes, mapped from the shared memory.
-
-    Raises InputError if the answer is an error.
-    """
-    if "what" in answer:
-        what, *others = (answer[name] for name in _ERROR_FIELDS)
-        raise InputError(what, **dict(zip(_ERROR_FIELDS[1:], others, strict=True)))
+def _layout(answer: dict[str, Any]) -> tuple[tuple[int, ...], np.dtype[Any], int]:
+    """Return the shape, the type and the number of bytes of the voxels that the answer of a child describes."""
     shape, dtype = tuple(int(n) for n in answer["shape"]), np.dtype(str(answer["dtype"]))
     check_dtype(dtype)
-    num_bytes = check_size(shape, dtype)
-    values = np.frombuffer(mmap.mmap(voxels.fileno(), num_bytes), dtype).reshape(shape)
+    return shape, dtype, check_size(shape, dtype)
+
+
+def _header(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bytes:
+    """Return the beginning of a file of NumPy with an array of this shape and type."""
+    header = io.BytesIO()
+    fields = {"descr": dtype.str, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(header, fields)
+    return header.getvalue()
+
+
+def _image(answer: dict[str, Any], values: Array, *, is_on_disk: bool) -> Image:
+    """Return the image that the answer of a child describes. values: its voxels. is_on_disk: as in Image."""
     world_from_index = np.array(answer["world_from_index"], np.float64).reshape(4, 4)
     nodata = tuple((float(low), float(high)) for low, high in answer["nodata"])
     channels = tuple(_channel(*each) for each in answer["channels"])
@@ -144,6 +217,7 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     labels = tuple(_label(*each) for each in answer["labels"])
     notes = tuple(answer["notes"])
     image = Image(values, world_from_index, notes, nodata, channels, labels=labels, steps=steps, units=units)
+    image = replace(image, marks=str(answer["marks"]), is_on_disk=is_on_disk)
     if answer["box"] is not None:
         image = replace(image, box=tuple((int(begin), int(end)) for begin, end in answer["box"]))
     if "finest_from_index" not in answer:
@@ -189,10 +263,10 @@ def _label(value: Any, name: Any, color: Any, opacity: Any) -> Label:
 
 
 class Host:
-    """The child process as its reader sees it: shared memory for voxels, and lines of JSON to the parent."""
+    """The child process as its reader sees it: a shared file for voxels, and lines of JSON to the parent."""
 
-    def __init__(self, sender: IO[bytes], descriptor: int) -> None:
-        self._sender, self._descriptor = sender, descriptor
+    def __init__(self, sender: IO[bytes], descriptor: int, folder: str) -> None:
+        self._sender, self._descriptor, self._folder = sender, descriptor, folder
         self.values: Array | None = None
 
     def expect_bytes(self, num_bytes: int) -> None:
@@ -203,22 +277,44 @@ class Host:
         """Tell the parent the name of the next file, for the message if reading it ends the process."""
         self.send(str(path))
 
-    def send(self, answer: str | dict[str, Any]) -> None:
-        """Send a line to the parent. The last line is the answer; each line before it is the name of a file."""
+    def tell_progress(self, num_read: int, num_bytes: int, what: str) -> None:
+        """Tell the parent how many bytes of voxels were read; 0 is told first. what: a word for what is read."""
+        self.send([num_read, num_bytes, what])
+
+    def send(self, answer: str | list[Any] | dict[str, Any]) -> None:
+        """Send a line to the parent: the name of the next file, the progress, or last the answer."""
         self._sender.write(json.dumps(answer).encode("ascii") + b"\n")
         self._sender.flush()
 
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-        """Return an array of zeros in the shared memory, which the reader fills with voxels and returns.
+        """Return an array of zeros in the shared file, which the reader fills with voxels and returns.
 
         The array replaces an earlier one, and has native byte order. The limits of the process grow by its size.
         """
+        header = _header(tuple(map(int, shape)), np.dtype(dtype))
         num_bytes = math.prod(shape) * np.dtype(dtype).itemsize
         self.expect_bytes((1 + _NUM_COPIES) * num_bytes)
         _extend_limit(resource.RLIMIT_CPU, num_bytes // _BYTES_PER_SECOND)
-        os.ftruncate(self._descriptor, num_bytes)
-        self.values = np.frombuffer(mmap.mmap(self._descriptor, num_bytes), dtype).reshape(shape)
+        os.ftruncate(self._descriptor, len(header) + num_bytes)
+        mapped = mmap.mmap(self._descriptor, len(header) + num_bytes)
+        mapped[: len(header)] = header
+        self.values = np.frombuffer(mapped, dtype, offset=len(header)).reshape(shape)
         return self.values
+
+    def require_room(self, num_bytes: int) -> None:
+        """Raise InputError if there is no room for this many bytes in memory, or on the disk of the shared file."""
+        disk = os.fstatvfs(self._descriptor)
+        free = disk.f_bavail * disk.f_frsize
+        if disk.f_blocks == 0:  # a file in memory
+            check_memory(num_bytes)
+        elif num_bytes > free:
+            raise InputError(
+                "there is no room on the disk for these voxels",
+                where=self._folder,
+                got=f"{num_bytes / 2**30:.1f} GiB",
+                expected=f"at most the {free / 2**30:.1f} GiB that are free",
+                hint="name another folder, by `TMPDIR` or `--cache`; or take a coarser `level`, or `crop`",
+            )
 
 
 def _extend_limit(kind: int, more: int) -> None:
@@ -270,7 +366,7 @@ def _main() -> None:
     sender, descriptor, request = int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
     _limit_child(**request["limits"])
     with open(sender, "wb") as file:
-        child, path = Host(file, descriptor), request["path"]
+        child, path = Host(file, descriptor, request["folder"]), request["path"]
         path = path if is_url(path) else Path(path)
         child.begin_file(path)
         try:
@@ -279,7 +375,7 @@ def _main() -> None:
             child.send({name: getattr(error, name) for name in _ERROR_FIELDS})
             return
         assert image.values is child.values, "readers return what they have allocated"
-        answer = {name: getattr(image, name) for name in ("notes", "nodata", "steps", "units", "levels", "box")}
+        answer = {name: getattr(image, name) for name in _PLAIN_FIELDS}
         answer |= {"shape": image.values.shape, "dtype": image.values.dtype.str}
         answer |= {"world_from_index": image.world_from_index.tolist(), "channels": [*map(astuple, image.channels)]}
         answer |= {"labels": [*map(astuple, image.labels)]}

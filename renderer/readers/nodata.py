@@ -8,7 +8,7 @@ data, the volume becomes floats that hold all of its integers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted
-from renderer.volume import Array, Bools, Float64, Int64, MappedFile, iter_slabs, map_slabs
+from renderer.volume import Array, Bools, Float64, Int64, MappedFile, iter_slabs, kept_numbers, map_slabs
 
 # The fill values that programs write by convention: of GIS, netCDF, CF, GSLIB and Surfer, and the largest and smallest
 # numbers of the floating-point types.
@@ -254,8 +254,11 @@ def _finite_range(values: Array, file: MappedFile | None) -> _FiniteRange:
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (math.inf, -math.inf)
         return _FiniteRange(low, high, num)
 
-    lows, highs, nums = zip(*map_slabs(measure, values, file), strict=True)
-    return _FiniteRange(min(lows), max(highs), sum(nums))
+    def measure_all() -> _FiniteRange:
+        lows, highs, nums = zip(*map_slabs(measure, values, file), strict=True)
+        return _FiniteRange(min(lows), max(highs), sum(nums))
+
+    return _FiniteRange(*kept_numbers("finite-range", values, file, measure_all))
 
 
 def _fill_values(values: Array, file: MappedFile | None, finite: _FiniteRange) -> tuple[float, ...]:
@@ -271,14 +274,27 @@ def _fill_values(values: Array, file: MappedFile | None, finite: _FiniteRange) -
     distances = found | _far_values(distinct, counts, list(found))
     if not distances:
         return ()
+    most = {value: _OUTERMOST * values.size * (value in found) for value in distances}
+    counted = kept_numbers(
+        "fill-values", values, file, lambda: _count_near(values, file, distances), facts=sorted(distances.items())
+    )
+    return tuple(sorted(value for value, num, num_near in counted if num > 1 and num_near <= most[value]))
+
+
+def _count_near(
+    values: Array, file: MappedFile | None, distances: Mapping[float, float]
+) -> list[tuple[float, int, int]]:
+    """Return each of some values, with the number of voxels that have it, and of others that are near it.
+
+    distances: the distance within which others are near, by value.
+    """
     nums, nums_near = dict.fromkeys(distances, 0), dict.fromkeys(distances, 0)
     for slab in _finite_slabs(values, file):
         others = slab[~np.isin(slab, list(distances))]  # fill values may lie near each other
         for value, distance in distances.items():
             nums[value] += np.count_nonzero(slab == value)
             nums_near[value] += np.count_nonzero(np.abs(others / 2 - value / 2) < distance / 2)
-    most = {value: _OUTERMOST * values.size * (value in found) for value in distances}
-    return tuple(sorted(value for value, num in nums.items() if num > 1 and nums_near[value] <= most[value]))
+    return [(value, int(nums[value]), int(nums_near[value])) for value in distances]
 
 
 def _finite_slabs(values: Array, file: MappedFile | None) -> Iterator[Array]:

@@ -37,10 +37,11 @@ class RecentImages:
     be dropped just before it is needed again. An image that finds no place is not kept, nor are voxels that stay in
     their file, whose pages the system keeps.
 
-    most_bytes: a function that returns how many bytes the voxels of all images may take together.
+    most_bytes: a function that returns how many bytes the voxels of all images on disk, or of all images in memory, may
+        take together; it is called with whether they are on disk.
     """
 
-    def __init__(self, most_bytes: Callable[[], float]) -> None:
+    def __init__(self, most_bytes: Callable[[bool], float]) -> None:
         self._most_bytes = most_bytes
         self._images: dict[Hashable, tuple[ImageRequest, Image]] = {}
         self._lock = threading.Lock()
@@ -54,21 +55,26 @@ class RecentImages:
                 return kept[1]
         image = read()
         image.values.flags.writeable = False
-        if backing_file(image.values) is None:
+        if image.is_on_disk or backing_file(image.values) is None:
             with self._lock:
                 self._keep(request, image)
         return image
 
     def _keep(self, request: ImageRequest, image: Image) -> None:
-        most_bytes = self._most_bytes()
-        others = [choice for choice, (kept, _) in self._images.items() if kept.source != request.source]
-        while others and self._num_bytes() + image.values.nbytes > most_bytes:
+        most_bytes = self._most_bytes(image.is_on_disk) - image.values.nbytes
+        others = [
+            choice
+            for choice, (kept, other) in self._images.items()
+            if kept.source != request.source and other.is_on_disk == image.is_on_disk
+        ]
+        while others and self._num_bytes(image.is_on_disk) > most_bytes:
             del self._images[others.pop(0)]
-        if self._num_bytes() + image.values.nbytes <= most_bytes:
+        if self._num_bytes(image.is_on_disk) <= most_bytes:
             self._images[request.choice] = request, image
 
-    def _num_bytes(self) -> int:
-        return sum(image.values.nbytes for _, image in self._images.values())
+    def _num_bytes(self, is_on_disk: bool) -> int:
+        images = (image for _, image in self._images.values())
+        return sum(image.values.nbytes for image in images if image.is_on_disk == is_on_disk)
 
 
 def marks_of(path: Path) -> FileMarks:

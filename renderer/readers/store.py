@@ -26,7 +26,7 @@ from renderer.readers.store_blocks import Blocks, Ranges
 from renderer.readers.units import Units, one_spelling, units_of
 from renderer.readers.voxel_limits import check_crop, check_dtype, check_size
 from renderer.scene import short_text
-from renderer.stores import Axis, ImagePlan, Level, OpenImage, open_store
+from renderer.stores import Axis, Box, ImagePlan, Level, OpenImage, open_store, slabs_of
 from renderer.system import start_threads
 from renderer.volume import Array, Channel, Float64, VolumeLevel
 
@@ -61,12 +61,17 @@ STATEMENTS = FormatTable(
 
 # The address space, in bytes, that the threads of tensorstore reserve and do not use: memory pools of 64 MiB each.
 _RESERVED_BYTES = 1 << 30
-# The number of chunks that are held at a time, encoded or decoded, beside the voxels.
-_NUM_HELD_CHUNKS = 16
+# The number of chunks that are held at a time, encoded or decoded, beside the voxels: 32 requests, and two of each of
+# 4 decoders.
+_NUM_HELD_CHUNKS = 40
 # The slope and the intercept of stored numbers that are values.
 _NO_SCALING = (1.0, 0.0)
-# The number of boxes of a level that are read at a time, if many are read: as many as requests to a server.
-_NUM_BOXES = 16
+# The largest number of pieces of a level that are read at a time. A piece of few chunks does not fill the requests that
+# may be sent at a time.
+_NUM_PIECES = 64
+# The number of decoded bytes of pieces that are read at a time; two pieces are in any case. The second one keeps
+# requests in flight while the last chunks of the first one are waited for.
+_BYTES_AT_A_TIME = 128 << 20
 # For each orientation of an axis: the axis of LPS along which it lies, and whether it has the same direction.
 _ORIENTATIONS = {
     "right-to-left": (0, 1.0),
@@ -132,7 +137,7 @@ def read_levels(store: OpenImage, wanted: Wanted, host: Host) -> Image:
     number, level_note = choose_level(sizes, wanted.level, wanted.most_bytes)
     box = boxes[number]
     values = _allocate(store, number, box, host, is_sparse=wanted.blocks is not None)
-    _read(store, number, _Target(values, box, layout, chosen), _parts(box, wanted.blocks))
+    _read(store, number, _Target(values, box, layout, chosen), _parts(box, wanted.blocks), host)
     slope, intercept = plan.scaling
     units, unit_note = _units(plan.axes, layout)
     turned, axes = _in_body(places[number], plan.axes, layout)
@@ -150,6 +155,7 @@ def read_levels(store: OpenImage, wanted: Wanted, host: Host) -> Image:
         units_of(units.length_unit, axes),
         levels=tuple(_facts(each, layout, each is store.levels[number]) for each in store.levels),
         box=box,
+        marks=store.marks,
         finest_from_index=np.linalg.inv(places[0]) @ places[number],
     )
 
@@ -191,13 +197,7 @@ def _allocate(store: OpenImage, number: int, box: Ranges, host: Host, *, is_spar
     if is_sparse:
         check_size(shape[::-1], dtype)
         return host.allocate(shape, dtype)
-    try:
-        return allocate_voxels(host, shape, dtype)
-    except InputError as error:
-        if "memory" in error.what:
-            further = f"`level: {number + 1}`, which is coarser, or " if number + 1 < len(store.levels) else ""
-            error.what, error.hint = f"the voxels of level {number} do not fit into memory", f"{further}`crop`"
-        raise
+    return allocate_voxels(host, shape, dtype)
 
 
 class _Target(NamedTuple):
@@ -220,25 +220,31 @@ class _Target(NamedTuple):
         return item, np.transpose(self.values[tuple(ranges)], np.argsort(order))
 
 
-def _read(store: OpenImage, number: int, target: _Target, boxes: Sequence[Ranges]) -> None:
-    """Read boxes of a level, several at a time. boxes: ranges of voxels along x, y, z."""
-    scaling, dtype = store.image.plan.scaling, store.levels[number].dtype.newbyteorder("=")
+def _read(store: OpenImage, number: int, target: _Target, boxes: Sequence[Ranges], host: Host) -> None:
+    """Read boxes of a level, several pieces at a time, and tell the progress. boxes: ranges of voxels along x, y, z.
 
-    def read(box: Ranges) -> None:
-        item, values = target.part(box)
+    No chunk is needed for two pieces of a box.
+    """
+    scaling, level = store.image.plan.scaling, store.levels[number]
+
+    def read(piece: tuple[Box, Array]) -> int:
+        item, values = piece
         if scaling == _NO_SCALING:
             store.read_box(number, item, values)
-            return
-        stored = np.empty(values.shape, dtype)
+            return values.nbytes
+        stored = np.empty(values.shape, level.dtype.newbyteorder("="))
         store.read_box(number, item, stored)
         values[...] = scaled(stored, *scaling)
+        return values.nbytes
 
-    if len(boxes) == 1:
-        read(boxes[0])
-        return
-    with start_threads(_NUM_BOXES) as threads:
-        for _ in threads.map(read, boxes):
-            pass
+    pieces = [piece for box in boxes for piece in slabs_of(*target.part(box), level.chunks)]
+    sizes = [values.nbytes for _, values in pieces]
+    num_read, num_bytes = 0, sum(sizes)
+    with start_threads(max(2, min(_NUM_PIECES, _BYTES_AT_A_TIME // max(sizes, default=1)))) as threads:
+        host.tell_progress(0, num_bytes, f"level {number}")
+        for each in threads.map(read, pieces):
+            num_read += each
+            host.tell_progress(num_read, num_bytes, f"level {number}")
 
 
 def _value_type(store: OpenImage, level: Level) -> np.dtype[Any]:

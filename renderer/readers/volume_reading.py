@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from renderer.readers.components import are_colors, are_light, choose, select_in
 from renderer.readers.file_errors import errors_about, require_exists, unreadable_error
 from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
+from renderer.readers.kept_levels import read_kept
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages, marks_of
 from renderer.readers.sniff import find_format, find_volume
@@ -38,7 +41,7 @@ from renderer.readers.voxel_limits import (
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, UrlSource, VolumeSpec, short_text
 from renderer.stores import is_store, is_zipped_store
 from renderer.system import free_bytes
-from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
+from renderer.volume import Array, Float64, MappedFile, Volume, backing_file, guard_mapping, make_volume
 
 # A function that reads the volume that a `VolumeSpec` describes.
 ReadVolume = Callable[[VolumeSpec], Volume]
@@ -51,10 +54,14 @@ _SHARE_OF_FREE = 1 / 8
 _SHARE_OF_LEVEL = 1 / 4
 # The number of bytes that kept images may take if the system does not say how much memory is free.
 _KEPT_BYTES_IF_UNKNOWN = 256 << 20
+# The share of the free room on the disk of temporary files that kept images may take there.
+_SHARE_OF_DISK = 1 / 4
 
 
-def _most_kept_bytes() -> float:
-    """Return the largest number of bytes that kept images may take now."""
+def _most_kept_bytes(is_on_disk: bool) -> float:
+    """Return the largest number of bytes that kept images may take now, on disk or in memory."""
+    if is_on_disk:
+        return _SHARE_OF_DISK * shutil.disk_usage(tempfile.gettempdir()).free
     free = free_bytes()
     return _KEPT_BYTES_IF_UNKNOWN if math.isinf(free) else _SHARE_OF_FREE * free
 
@@ -158,11 +165,11 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     if spec.component == "all" and (is_light or are_colors(image.values.dtype, image.channels)):
         notes = [each for each in notes if not each.startswith(f"{len(image.channels)} components")]
     first = tuple(begin for begin, _ in ranges)
-    mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
+    mapped = _file_of(image) if stays_mapped(image.values.nbytes) else None
     if mapped is not None:
         guard_mapping(mapped, image.values)
     image = replace(image, values=_native_contiguous(image.values))
-    file = backing_file(image.values)
+    file = _file_of(image)
     elsewhere = _fill_values_in_time(spec, image) if spec.nodata == "auto" else ()
     values, num_absent, note = mark_absent(image.values, file, spec.nodata, image.nodata, first, elsewhere)
     if mapped is not None:  # also a copy is checked, as its file may have become shorter meanwhile
@@ -182,6 +189,20 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     are_own = replaced is None or np.allclose(finest_spacing, replaced, rtol=1e-3, atol=0.0)
     units = units_of(spec.unit or image.units.length_unit * bool(are_own), *image.units[1:])
     return replace(named, **image.steps._asdict(), **units._asdict())
+
+
+def _file_of(image: Image) -> MappedFile | None:
+    """Return the file that the values of an image are mapped from, None for values in memory and in temporary files.
+
+    An entry of the cache folder may be removed at any time: its voxels stay.
+    """
+    try:
+        file = backing_file(image.values)
+    except FileNotFoundError:
+        if image.is_on_disk:
+            return None
+        raise
+    return replace(file, may_go=image.is_on_disk) if file is not None else None
 
 
 def _with_spacing(image: Image, spec: VolumeSpec) -> tuple[Image, tuple[float, float, float] | None]:
@@ -366,7 +387,9 @@ def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None)
         wanted["has_spacing_override"] = _has_spacing(spec)
 
     def read() -> Image:
-        return read_isolated(f"renderer.readers.{form}:read_{form}", place, most_bytes=most_level_bytes(), **wanted)
+        reader = f"renderer.readers.{form}:read_{form}"
+        read_level = partial(read_isolated, reader, place, on_disk=True, most_bytes=most_level_bytes(), **wanted)
+        return read_kept(read_level, place, wanted) if form == "store" else read_level()
 
     marks = () if isinstance(place, str) else _marks_of_volume(place, form)
     choice = (place if isinstance(place, str) else place.resolve(), *wanted.values())

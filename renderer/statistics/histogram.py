@@ -10,10 +10,11 @@ from operator import attrgetter
 
 import numpy as np
 
+from renderer.cache import numbers_from_array, numbers_to_array
 from renderer.statistics.isolated import MAX_FRACTION, OutlierValue, find_isolated
 from renderer.statistics.percentiles import Chunks, make_ordered_keys, values_at_ranks
 from renderer.statistics.value_counts import ValueCounts, count_values, has_narrow_integers
-from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
+from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs, kept_numbers, kept_pass
 
 # The largest number of bins of a histogram. If at most this many integers are in the range of the values, each of them
 # has its own bin; other values are divided into this many bins.
@@ -31,6 +32,9 @@ _MAX_ROUNDS = 3
 # Of more values than this, of types wider than 16 bits, suggestions count the values of some chunks. Counting 2^27
 # float32 numbers takes 1.1 s.
 MOST_COUNTED = 2**27
+
+# The beginning of the names of arrays of statistics without outliers, among the arrays of all values.
+_PREFIX_OF_OTHERS = "without_outliers_"
 
 # The number of values in a chunk of a volume. Chunks are read one by one, so that no float64 copy of the volume is
 # made.
@@ -71,6 +75,27 @@ class Statistics:
     outliers: tuple[OutlierValue, ...] = ()
     without_outliers: Statistics | None = None
 
+    def to_arrays(self) -> dict[str, Array]:
+        """Return the statistics as named arrays, from which `from_arrays` makes the same statistics."""
+        numbers = (
+            self.minimum, self.maximum, self.mean, self.num_voxels, self.bin_width, [*self.percentiles.items()],
+            self.inner, [(each.value, each.num, each.last) for each in self.outliers],
+        )  # fmt: skip
+        arrays = {"counts": self.counts, "bins": self.bins, "numbers": numbers_to_array(numbers)}
+        others = {} if self.without_outliers is None else self.without_outliers.to_arrays()
+        return arrays | {_PREFIX_OF_OTHERS + name: array for name, array in others.items()}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Array]) -> Statistics:
+        """Return the statistics that `to_arrays` turned into arrays."""
+        low, high, mean, num, bin_width, percentiles, inner, outliers = numbers_from_array(arrays["numbers"])
+        length = len(_PREFIX_OF_OTHERS)
+        others = {name[length:]: array for name, array in arrays.items() if name.startswith(_PREFIX_OF_OTHERS)}
+        return cls(
+            low, high, mean, num, arrays["counts"], arrays["bins"], bin_width, dict(percentiles), tuple(inner),
+            tuple(OutlierValue(*each) for each in outliers), cls.from_arrays(others) if others else None,
+        )  # fmt: skip
+
     @property
     def num_counted(self) -> int:
         """Return the number of voxels that were counted: all voxels that have data, or those of a sample."""
@@ -97,6 +122,14 @@ def compute_statistics(values: Array, source: MappedFile | None = None, *, may_s
     that the values are mapped from, if any. may_sample: whether a sample is enough if there are more than MOST_COUNTED
     values; the same sample is taken each time. Raises InputError if that file has changed.
     """
+    compute = partial(_compute, values, source, may_sample=may_sample)
+    return Statistics.from_arrays(
+        kept_pass("statistics", values, source, lambda: compute().to_arrays(), facts=may_sample)
+    )
+
+
+def _compute(values: Array, source: MappedFile | None, *, may_sample: bool) -> Statistics:
+    """Return the statistics of values, as `compute_statistics` does, in passes over the values."""
     measure = _measuring(values, source, may_sample=may_sample)
     whole = others = measure(-math.inf, math.inf)
     outliers: list[OutlierValue] = []
@@ -198,6 +231,13 @@ def exact_percentiles(
     values: any shape, C-contiguous, finite except NaN where there are no data. source: the file that the values are
     mapped from, if any. Raises InputError if that file has changed.
     """
+    compute = partial(_exact_percentiles, values, source, percents)
+    return dict(kept_numbers("percentiles", values, source, lambda: [*compute().items()], facts=percents))
+
+
+def _exact_percentiles(
+    values: Array, source: MappedFile | None, percents: Sequence[float]
+) -> Mapping[float, int | float]:
     if has_narrow_integers(values.dtype):
         counted = count_values(values, source)
         return _at_percents(percents, counted.num_voxels, counted.at_ranks)[0]

@@ -22,7 +22,7 @@ from renderer.scene import (
     VolumeSpec,
     steps_in_time,
 )
-from renderer.volume import Label, Volume, iter_slabs
+from renderer.volume import Label, Volume, iter_slabs, kept_numbers
 
 
 @dataclass(frozen=True)
@@ -105,6 +105,10 @@ def count_labels(volume: Volume) -> dict[int, int]:
     Raises InputError for values that are no whole numbers, for values whose magnitude exceeds MAX_LABEL, and for more
     than MAX_LABELS labels.
     """
+    return dict(kept_numbers("labels", volume.values, volume.source, lambda: [*_count_labels(volume).items()]))
+
+
+def _count_labels(volume: Volume) -> dict[int, int]:
     found: dict[int, int] = {}
     start = 0
     for slab in iter_slabs(volume.values, volume.source):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.kernels import kernels
-from renderer.volume import Array, Int64, MappedFile, map_slabs
+from renderer.volume import Array, Int64, MappedFile, kept_pass, map_slabs
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,14 @@ def count_values(values: Array, source: MappedFile | None) -> ValueCounts:
     source: the file that the values are mapped from, if any. Raises InputError if that file has changed.
     """
     dtype = values.dtype
+    total = kept_pass("counts", values, source, lambda: {"counts": _pattern_counts(values, source)})["counts"]
+    low = int(np.iinfo(dtype).min)
+    return _without_ends(low, np.roll(total, -low))  # negative numbers have the highest patterns
+
+
+def _pattern_counts(values: Array, source: MappedFile | None) -> Int64:
+    """Return the number of voxels of each bit pattern: int64 [patterns]."""
+    dtype = values.dtype
     patterns, num = values.reshape(-1).view(f"u{dtype.itemsize}"), 1 << 8 * dtype.itemsize
 
     def count(_: int, slab: Array) -> Int64:
@@ -62,9 +70,7 @@ def count_values(values: Array, source: MappedFile | None) -> ValueCounts:
         kernels().count_patterns(raw=slab.reshape(1, 1, -1), counts=counts)
         return counts
 
-    total = sum(map_slabs(count, patterns, source), np.zeros(num, np.int64))
-    low = int(np.iinfo(dtype).min)
-    return _without_ends(low, np.roll(total, -low))  # negative numbers have the highest patterns
+    return np.asarray(sum(map_slabs(count, patterns, source), np.zeros(num, np.int64)))
 
 
 def _without_ends(low: int, counts: Int64) -> ValueCounts:

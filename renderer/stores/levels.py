@@ -112,9 +112,13 @@ class StoredImage:
 
 
 class OpenImage(ABC):
-    """An open image, whose voxels can be read. levels: the levels of the image, from the finest to the coarsest."""
+    """An open image, whose voxels can be read. levels: the levels of the image, from the finest to the coarsest.
+
+    marks: a text that changes when the metadata do; empty if it is not known.
+    """
 
     image: StoredImage
+    marks = ""
 
     @property
     def levels(self) -> tuple[Level, ...]:
@@ -130,7 +134,7 @@ class OpenImage(ABC):
         """
 
 
-def slabs_of(box: Box, chunks: Sequence[int], out: Array) -> Iterator[tuple[tuple[int | slice, ...], Array]]:
+def slabs_of(box: Box, out: Array, chunks: Sequence[int]) -> Iterator[tuple[tuple[int | slice, ...], Array]]:
     """Yield parts of a box along its first axis that has several chunks, with their parts of the output array.
 
     A part ends at the border of a chunk, so that no chunk is decoded for two parts.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -12,7 +13,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.scene import did_you_mean, join_some, short_text
 from renderer.stores import n5, ome, precomputed
-from renderer.stores.levels import Box, ImagePlan, Level, LevelPlan, OpenImage, StoredImage, slabs_of
+from renderer.stores.levels import Box, ImagePlan, Level, LevelPlan, OpenImage, StoredImage
 from renderer.stores.library import REQUEST_SECONDS, errors_of_library, import_library, open_array
 from renderer.stores.plain_zarr import Node, arrays_in, largest_array, node_at, plan_of_array
 from renderer.stores.store_files import StoreFiles, require_inside
@@ -29,16 +30,15 @@ class Store(OpenImage):
 
     def __init__(self, files: StoreFiles, image: StoredImage, arrays: Sequence[Any]) -> None:
         self._files, self._arrays = files, arrays
-        self.image = image
+        self.image, self.marks = image, files.marks
 
     def read_box(self, level: int, box: Box, out: Array) -> None:
         """Read the voxels of a box of a level into an array (see OpenImage)."""
         library = import_library()
-        chunks, source = self.levels[level].chunks, self._arrays[level]
-        for part, target in slabs_of(box, chunks, out):
-            seconds = REQUEST_SECONDS + target.nbytes / _MIN_BYTES_PER_SECOND
-            with errors_of_library("the voxels of this store cannot be read", self._files.place):
-                library.array(target, context=self._files.context).write(source[part]).result(seconds)
+        seconds = REQUEST_SECONDS + out.nbytes / _MIN_BYTES_PER_SECOND
+        with errors_of_library("the voxels of this store cannot be read", self._files.place):
+            target = library.array(out, context=self._files.context)
+            target.write(self._arrays[level][tuple(box)]).result(seconds)
 
 
 def open_store(place: str, name: str = "") -> Store:
@@ -145,6 +145,7 @@ def _open_level(files: StoreFiles, plan: ImagePlan, level: LevelPlan) -> tuple[L
         array = open_array(plan.driver, files.kvstore(level.path), dict(level.options), files.context)
         shape, chunks = tuple(array.shape), tuple(array.chunk_layout.read_chunk.shape or array.shape)
         dtype = np.dtype(array.dtype.numpy_dtype)
+        files.mark(json.dumps(array.spec().to_json(), sort_keys=True).encode())
     if plan.axes and len(plan.axes) != len(shape):
         raise InputError(
             "the metadata of this image contradict its array",

@@ -6,6 +6,7 @@ metadata give is the name of a part of the same store: it is refused if it could
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import zipfile
@@ -77,6 +78,16 @@ class StoreFiles:
         self.refusal: RefusedError | None = None
         self._folder = None if is_url(place) or os.path.isfile(place) else Path(place)
         self._base = _kvstore(place)
+        self._digest = hashlib.blake2b(digest_size=16)
+
+    @property
+    def marks(self) -> str:
+        """Return a text that changes when the metadata at a URL do, or the versions that the server gives them."""
+        return self._digest.hexdigest()
+
+    def mark(self, content: bytes) -> None:
+        """Add the metadata of a part of the store to its marks."""
+        self._digest.update(b"%d " % len(content) + content)
 
     @cached_property
     def context(self) -> Any:
@@ -108,7 +119,10 @@ class StoreFiles:
         except RefusedError as error:
             self.refusal = error
             return None
-        return None if found.state == "missing" else bytes(found.value)
+        if found.state == "missing":
+            return None
+        self.mark(bytes(found.stamp.generation) + bytes(found.value))
+        return bytes(found.value)
 
     def folders_of_arrays(self) -> Iterator[str]:
         """Yield the paths of arrays of Zarr and of groups of Zarr 3: of a folder, the fewest levels below it first.

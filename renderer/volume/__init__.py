@@ -10,6 +10,7 @@ In: voxels [z, y, x] and an affine. Out: `Volume`, read-only. Voxels of large fi
 - `mask.py`: a mask, prepared for kernels
 - `mapped_file.py`: voxels that stay in their file, and checks that it is unchanged
 - `slabs.py`: passes over all voxels, by one thread or several, and their progress
+- `kept_passes.py`: the results of passes, which a later process finds in the cache
 - `fingerprint.py`: a digest of the voxels, computed when it is first asked for
 - `truncation_guard.py`: a guard against mapped files that become shorter
 - `connected_parts.py`: the connected parts of a grid of cells

@@ -11,6 +11,7 @@ import numpy as np
 
 from renderer.kernels import ThreadPool
 from renderer.volume.arrays import Array, Float64, UInt8
+from renderer.volume.kept_passes import kept_pass
 from renderer.volume.mapped_file import MappedFile
 from renderer.volume.slabs import iter_slabs
 
@@ -66,6 +67,14 @@ class Fingerprint:
         return self._range if values is self.values else None
 
     def _read(self) -> None:
+        """Find the digest and the range in the cache, or read them from the voxels."""
+        source = self._source if self._colors is None else None  # the file of the values alone does not tell colours
+        found = kept_pass("fingerprint", self.values, source, self._pass_over, self._place.tolist())
+        low, high = found["range"].tolist()
+        self._range = low, high
+        self._text = found["digest_of_voxels"].tobytes().hex()
+
+    def _pass_over(self) -> dict[str, Array]:
         """Pass over the voxels: one thread adds a slab to the digest, another finds the slab's range."""
         digest = hashlib.blake2b(f"{self.values.dtype.name} {self.values.shape}".encode(), digest_size=16)
         digest.update(self._place.data.cast("B"))
@@ -85,8 +94,7 @@ class Fingerprint:
                 pool.map(apply, ((add, slab), (measure, slab)))
         if self._colors is not None:
             digest.update(self._colors.data.cast("B"))
-        self._range = joined_range(ends)
-        self._text = digest.hexdigest()
+        return {"range": np.array(joined_range(ends)), "digest_of_voxels": np.frombuffer(digest.digest(), np.uint8)}
 
 
 def slab_range(values: Array) -> tuple[float, float]:

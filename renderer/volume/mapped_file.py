@@ -26,21 +26,27 @@ class MappedFile:
     """A file that voxels are mapped from, and its state when it was opened.
 
     path: its absolute path. state: its device and inode, which identify it under any name; its size; the time of its
-        last change.
+        last change. may_go: whether its name may be removed, or given to another file: mapped voxels stay.
     """
 
     path: Path
     state: tuple[int, int, int, int]
+    may_go: bool = False
 
     def require_unchanged(self) -> None:
-        """Raise InputError if the file is missing, was replaced, has another length, or was written to."""
+        """Raise InputError if the file is missing, was replaced, has another length, or was written to.
+
+        A file that may go may be missing or replaced.
+        """
         got = expected = None
         try:
             state = _file_state(self.path)
         except OSError as error:
+            if self.may_go:
+                return
             change, got = "was removed", error.strerror
         else:
-            if state == self.state:
+            if state == self.state or (self.may_go and state[:2] != self.state[:2]):
                 return
             size, old_size = state[2], self.state[2]
             change = "was written to"
@@ -58,18 +64,34 @@ def _file_state(path: Path) -> tuple[int, int, int, int]:
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
+def place_in_file(values: Array) -> int:
+    """Return the byte of a file at which an array begins that is mapped from it, as `backing_file` finds."""
+    root = _mapped_root(values)
+    return int(root.offset) + _address(values) - _address(root)
+
+
+def _address(values: Array) -> int:
+    return int(values.__array_interface__["data"][0])
+
+
 def backing_file(values: Array) -> MappedFile | None:
     """Return the file that an array [z, y, x], or its base array, is mapped from; None for an array in memory.
 
     Raises OSError if the file is missing.
     """
+    root = _mapped_root(values)
+    if root is None or root.filename is None:
+        return None
+    path = Path(root.filename).absolute()
+    return MappedFile(path, _file_state(path))
+
+
+def _mapped_root(values: Array) -> Any:
+    """Return the memmap that an array is a view of, perhaps the array itself; None for an array in memory."""
     base: Any = values
     root: Any = None
     while isinstance(base, np.ndarray):
         if isinstance(base, np.memmap):
             root = base
         base = base.base
-    if root is None or root.filename is None:
-        return None
-    path = Path(root.filename).absolute()
-    return MappedFile(path, _file_state(path))
+    return root

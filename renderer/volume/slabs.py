@@ -19,8 +19,8 @@ _SLAB_BYTES = 16 << 20
 _SLAB_BYTES_OF_THREAD = 1 << 20
 
 # A function that is called at the beginning of each pass, and after each slab: with the number of bytes that were read,
-# and with the number of bytes of all voxels.
-PassWatcher = Callable[[int, int], None]
+# with the number of bytes of all voxels, and with a word for what is read, such as `voxels` or `level 1`.
+PassWatcher = Callable[[int, int, str], None]
 _watcher: ContextVar[PassWatcher | None] = ContextVar("_watcher", default=None)
 
 Result = TypeVar("Result")
@@ -34,6 +34,13 @@ def watched_passes(watcher: PassWatcher) -> Iterator[None]:
         yield
     finally:
         _watcher.reset(before)
+
+
+def tell_pass(num_read: int, num_bytes: int, what: str = "voxels") -> None:
+    """Tell the watcher how many bytes of a pass were read; 0 begins a pass."""
+    watcher = _watcher.get()
+    if watcher is not None:
+        watcher(num_read, num_bytes, what)
 
 
 def iter_slabs(values: Array, source: MappedFile | None, num_bytes: int = _SLAB_BYTES) -> Iterator[Array]:
@@ -80,6 +87,4 @@ def _slabs(values: Array, source: MappedFile | None, num_bytes: int) -> Iterator
 
 def _tell(values: Array, num_read: int) -> None:
     """Tell the watcher how many planes of a pass were read."""
-    watcher = _watcher.get()
-    if watcher is not None:
-        watcher(values.nbytes * num_read // len(values), values.nbytes)
+    tell_pass(values.nbytes * num_read // len(values), values.nbytes)

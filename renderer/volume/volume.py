@@ -14,6 +14,7 @@ from renderer.kernels import MaskGrid
 from renderer.volume.arrays import Array, Bools, Float64, UInt8
 from renderer.volume.channel import Channel
 from renderer.volume.fingerprint import Fingerprint, joined_range, slab_range
+from renderer.volume.kept_passes import kept_pass
 from renderer.volume.label import Label
 from renderer.volume.mapped_file import MappedFile
 from renderer.volume.mask import make_mask_grid, shown_voxels
@@ -98,7 +99,14 @@ class Volume:
     @cached_property
     def _value_range(self) -> tuple[float, float]:
         known = self.digest.range_of(self.values)
-        return known or joined_range(map_slabs(lambda _, slab: slab_range(slab), self.values, self.source))
+        if known is not None:
+            return known
+        low, high = kept_pass("range", self.values, self.source, self._measured_range)["range"].tolist()
+        return low, high
+
+    def _measured_range(self) -> dict[str, Array]:
+        ends = map_slabs(lambda _, slab: slab_range(slab), self.values, self.source)
+        return {"range": np.array(joined_range(ends))}
 
     @cached_property
     def are_absent(self) -> Bools:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import re
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -25,8 +26,8 @@ class ServedFolder:
 
     url: its URL. asked: the paths that were asked for, in order. faults: the status codes of the next answers for
         paths that end so; None for a broken connection, and STALL for no answer at all. has_ended: whether the server
-        has ended, so that no answer is held back any longer. key: the access key of S3 by which requests have to be
-        signed, empty for none.
+        has ended, so that no answer is held back any longer. delay: the seconds before each answer. key: the access
+        key of S3 by which requests have to be signed, empty for none.
     """
 
     def __init__(self, url: str) -> None:
@@ -34,16 +35,23 @@ class ServedFolder:
         self.asked: list[str] = []
         self.faults: dict[str, list[int | None]] = {}
         self.has_ended = threading.Event()
+        self.delay = 0.0
         self.key = ""
 
 
 class _Handler(SimpleHTTPRequestHandler):
+    # Connections are used for several requests, as those of other servers.
+    protocol_version = "HTTP/1.1"
+    # A body does not wait until the client has acknowledged the headers, which would take 40 ms.
+    disable_nagle_algorithm = True
+
     def __init__(self, *arguments: object, served: ServedFolder, **options: object) -> None:
         self._served = served
         super().__init__(*arguments, **options)  # type: ignore[arg-type]
 
     def do_GET(self) -> None:
         self._served.asked.append(self.path)
+        time.sleep(self._served.delay)
         if self._served.key and f"Credential={self._served.key}/" not in self.headers.get("authorization", ""):
             self.send_error(403)
             return
@@ -74,6 +82,12 @@ class _Handler(SimpleHTTPRequestHandler):
 
 
 class _Server(ThreadingHTTPServer):
+    # Connections of clients that are open at the end are not waited for.
+    daemon_threads = True
+    block_on_close = False
+    # The number of connections that may wait to be accepted.
+    request_queue_size = 128
+
     def handle_error(self, *_: object) -> None:
         """Print nothing about connections that clients have closed."""
 

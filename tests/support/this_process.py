@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.readers import Image, call_reader
-from renderer.volume import Array
+from renderer.readers import Image, call_reader, check_memory
+from renderer.volume import Array, tell_pass
 
 
 class ThisProcess(Any):
@@ -24,10 +24,18 @@ class ThisProcess(Any):
     def expect_bytes(self, num_bytes: int) -> None:
         """Accept any number of bytes, as this process has no limit."""
 
+    def require_room(self, num_bytes: int) -> None:
+        """Raise InputError if the voxels do not fit into memory."""
+        check_memory(num_bytes)
+
+    def tell_progress(self, num_read: int, num_bytes: int, what: str) -> None:
+        """Tell this process how many bytes of voxels were read."""
+        tell_pass(num_read, num_bytes, what)
+
     def begin_file(self, path: Path) -> None:
         """Do nothing, as no other process wants to know the file that is read."""
 
 
-def read_here(reader: str, path: Path, *, on_disk: bool = False, **arguments: Any) -> Image:
+def read_here(reader: str, path: Path, *, on_disk: bool = False, entry: Path | None = None, **arguments: Any) -> Image:
     """Read an image in this process, with the result that `read_isolated` has from a child process."""
     return call_reader(reader, path, arguments, ThisProcess())

@@ -118,7 +118,7 @@ def test_each_step_is_read_once_if_there_is_room(most_bytes: float, monkeypatch:
         return lambda path, *choice: (calls.append(path), find(reader)(path, *choice))[1]
 
     expected = film("before")
-    images = RecentImages(lambda: most_bytes)
+    images = RecentImages(lambda _: most_bytes)
     monkeypatch.setattr("renderer.readers.volume_reading._RECENT_IMAGES", images)
     monkeypatch.setattr(READER, counted)
     assert film("after") == expected

@@ -28,8 +28,8 @@ FOR_TESTS = "# For tests alone: steps and constants that no other room uses.\n"
 # of them in renderer/, and after all of them in hsplat_cli/. The Python API uses all rooms; none uses it.
 ORDER = {
     "renderer": [
-        "system", "kernels", "volume", "looks", "scene", "stores", "readers", "statistics", "transfer", "suggest",
-        "pyramid", "lighting", "splats", "bricks", "view", "modes", "layers", "draw", "film", "frame",
+        "system", "kernels", "cache", "volume", "looks", "scene", "stores", "readers", "statistics", "transfer",
+        "suggest", "pyramid", "lighting", "splats", "bricks", "view", "modes", "layers", "draw", "film", "frame",
         "truth", "accuracy", "resolve", "annotation", "record", "job",
     ],
     "hsplat_cli": [

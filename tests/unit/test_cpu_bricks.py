@@ -11,7 +11,7 @@ from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, p
 from texel_wall import drawn
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.draw import Atlas, BrickRasterizer, brick_bytes, plan_bands, share_memory, share_out
+from renderer.draw import Atlas, BrickRasterizer, RayGrid, brick_bytes, make_grid, plan_bands, share_memory, share_out
 from renderer.kernels import Light, Shading
 from renderer.system import MemoryShare
 from renderer.transfer import NO_LIGHT_GRID
@@ -127,6 +127,18 @@ def test_bands_that_share_bricks_keep_them() -> None:
     assert first_use.tolist() == [0, 0, 1, 2, -1]
     (whole,), _ = plan_bands(starts, numbers, 5, lambda met, times: len(met) * times <= 4)
     assert (whole.tiles.tolist(), whole.met.tolist(), whole.next_use.tolist()) == ([0, 1, 2, 3], [0, 1, 2, 3], [1] * 4)
+
+
+def test_only_tiles_with_rays_get_bricks() -> None:
+    """Of a picture of 2 x 3 tiles, one pixel of a single tile has rays; bricks elsewhere are not drawn."""
+    places = np.full((64, 96), -1, np.int32)
+    places[40, 70] = 0
+    rectangles = np.array([[0.0, 0, 96, 64], [0, 0, 30, 30], [65, 33, 80, 50], [10, 10, 10, 10]])
+    grid = make_grid(rectangles, RayGrid(np.zeros((4, 4), np.float32), (64, 96), places, rays_across=2))
+    (tile,) = np.flatnonzero(np.diff(grid.starts))
+    assert grid.numbers.tolist() == [0, 2]
+    assert tile == 80 // grid.side * (2 * 96 // grid.side) + 140 // grid.side
+    assert grid.rectangles[3].tolist() == [0, 0, 0, 0]
 
 
 @pytest.mark.parametrize(

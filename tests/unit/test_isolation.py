@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ import pytest
 import renderer
 from renderer.errors import InputError, RenderError
 from renderer.readers import Image, read_isolated
-from renderer.volume import Label
+from renderer.volume import Label, watched_passes
 
 
 def ramp(path: Path, *, host: Any) -> Image:
@@ -79,6 +80,11 @@ def large(_path: Path, *, host: Any) -> Image:
     return Image(host.allocate((512, 1024, 1024), np.uint8), np.eye(4))
 
 
+def too_large(path: Path, *, host: Any) -> Image:
+    host.require_room(1 << 62)
+    return ramp(path, host=host)
+
+
 def print_much(path: Path, *, host: Any) -> Image:
     os.write(1, b"out" * 100_000)
     os.write(2, b"\x1b[31mwarning" * 100_000)
@@ -101,6 +107,34 @@ def test_voxels_come_back_in_shared_memory() -> None:
     assert image.values.dtype == np.int16 and image.values.flags.c_contiguous
     np.testing.assert_array_equal(image.world_from_index, np.diag([1.0, 2.0, 3.0, 1.0]))
     assert image.notes == ("read scan.x",)
+
+
+@pytest.mark.parametrize(
+    ("on_disk", "what"),
+    [
+        (True, "there is no room on the disk for these voxels"),
+        (False, "the voxels of this file do not fit into memory"),
+    ],
+)
+def test_voxels_without_room_are_refused(on_disk: bool, what: str) -> None:
+    with pytest.raises(InputError) as error:
+        read("too_large", on_disk=on_disk)
+    assert error.value.what == what and error.value.got == "4294967296.0 GiB" and error.value.expected
+    assert error.value.where == (tempfile.gettempdir() if on_disk else "scan.x")
+    assert not on_disk or "`TMPDIR`" in str(error.value.hint)
+
+
+def count(path: Path, *, host: Any) -> Image:
+    for number in range(4):
+        host.tell_progress(number, 3, "level 2")
+    return ramp(path, host=host)
+
+
+def test_the_progress_is_told_and_is_no_answer() -> None:
+    told = list[tuple[int, int, str]]()
+    with watched_passes(lambda *each: told.append(each)):
+        assert read("count").values.shape == (3, 4, 5)
+    assert told == [(number, 3, "level 2") for number in range(4)]
 
 
 LABELS = (Label(3, "Größe 数据", (0.25, 0.5, 1.0), 0.5), Label(90))

@@ -39,7 +39,8 @@ WINDOWS = np.array([[0, 0, 2, 1]])
 def bin_one(**changes: Any) -> tuple[list[int], list[int]]:
     """Sort one brick, over the first row, into a grid of 2 x 2 tiles."""
     starts, numbers = np.zeros(6, np.int64), np.full(2, -1)
-    arguments = {"tile_windows": WINDOWS, "num_columns": 2, "num_rows": 2, "starts": starts, "numbers": numbers}
+    tiles = {"tile_windows": WINDOWS, "have_rays": np.ones((2, 2), np.bool_)}
+    arguments = tiles | {"starts": starts, "numbers": numbers}
     kernels().bin_bricks(**arguments | changes)
     return starts.tolist(), numbers.tolist()
 
@@ -101,8 +102,9 @@ def test_arrays_may_lie_at_any_address() -> None:
         ({"tile_windows": WINDOWS.tolist()}, TypeError, "tile_windows: list, expected an array"),
         ({"tile_windows": np.tile(WINDOWS, 2)[:, ::2]}, ValueError, "tile_windows: not contiguous"),
         ({"starts": np.broadcast_to(np.int64(0), 6)}, ValueError, "starts: not contiguous"),
-        ({"num_rows": 2.5}, TypeError, "num_rows"),
-        ({"num_rows": None}, TypeError, "num_rows"),
+        ({"have_rays": 2.5}, TypeError, "have_rays"),
+        ({"have_rays": None}, TypeError, "have_rays"),
+        ({"tile_windows": WINDOWS + 1}, IndexError, "bin_bricks"),
         ({"number_of_rows": 2}, TypeError, "no argument number_of_rows"),
         ({"starts": np.zeros(5, np.int64)}, IndexError, "bin_bricks"),
         ({"numbers": np.zeros(1, np.int64)}, IndexError, "bin_bricks"),
@@ -122,7 +124,9 @@ def test_a_read_only_array_is_refused_where_the_kernel_writes() -> None:
 
 def test_missing_arguments_are_named() -> None:
     with pytest.raises(TypeError, match="bin_bricks: no starts"):
-        kernels().bin_bricks.partial(tile_windows=WINDOWS, num_columns=2, num_rows=2)(numbers=np.zeros(2, np.int64))
+        kernels().bin_bricks.partial(tile_windows=WINDOWS, have_rays=np.ones((2, 2), np.bool_))(
+            numbers=np.zeros(2, np.int64)
+        )
 
 
 @pytest.fixture

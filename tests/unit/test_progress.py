@@ -120,17 +120,17 @@ def passes_shown(stream: io.StringIO, *seconds: float) -> str:
     now, size = [0.0], 9 << 19
     progress = PassProgress(stream, lambda: now[0])
     for each in seconds:
-        progress(0, size)
+        progress(0, size, "level 1")
         for done in range(1, 6):
             now[0] += each / 5
-            progress(min(done << 20, size), size)
+            progress(min(done << 20, size), size, "level 1")
     progress.close()
     return stream.getvalue()
 
 
 def test_passes_over_voxels_are_shown_once_they_take_a_second() -> None:
     assert passes_shown(io.StringIO(), 0.9, 0.9) == passes_shown(Terminal(), 0.9, 0.9) == ""
-    assert passes_shown(io.StringIO(), 0.9, 2.0, 0.5) == "reading voxels: 5/5 MiB, 2.50 MiB/s\n"
+    assert passes_shown(io.StringIO(), 0.9, 2.0, 0.5) == "reading level 1: 5/5 MiB, 2.50 MiB/s\n"
     on_terminal = passes_shown(Terminal(), 2.0, 0.5)
     assert on_terminal.count("\r") == 3 and on_terminal.count("\n") == 1 and "3/5 MiB" in on_terminal
 
@@ -138,11 +138,11 @@ def test_passes_over_voxels_are_shown_once_they_take_a_second() -> None:
 @pytest.mark.parametrize("shape", [(5, 40, 30), (6000,), (1, 1, 1)])
 def test_passes_tell_their_bytes(shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("renderer.volume.slabs._SLAB_BYTES_OF_THREAD", 5000)
-    values, told = np.ones(shape, np.float32), list[tuple[int, int]]()
+    values, told = np.ones(shape, np.float32), list[tuple[int, int, str]]()
     with watched_passes(lambda *each: told.append(each)):
         assert sum(each.size for each in iter_slabs(values, None, 5000)) == values.size
         by_one, told[:] = [*told], []
         assert sum(map_slabs(lambda _, slab: slab.size, values, None)) == values.size
     map_slabs(lambda _, slab: slab.size, values, None)  # nobody watches
     assert by_one == told and told == sorted(told)
-    assert told[0] == (0, values.nbytes) and told[-1] == (values.nbytes, values.nbytes)
+    assert told[0] == (0, values.nbytes, "voxels") and told[-1] == (values.nbytes, values.nbytes, "voxels")

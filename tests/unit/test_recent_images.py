@@ -21,7 +21,7 @@ class Store:
     """Images of 10 bytes by their numbers, and the numbers that were made because they were not kept."""
 
     def __init__(self, most_bytes: int) -> None:
-        self.images, self.made = RecentImages(lambda: most_bytes), list[int]()
+        self.images, self.made = RecentImages(lambda _: most_bytes), list[int]()
 
     def get(self, source: str, number: int, state: int = 0) -> int:
         def make() -> Image:

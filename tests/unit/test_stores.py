@@ -78,16 +78,6 @@ def test_the_finest_level_that_fits_is_read(
     assert volume.note == f"3 levels; level {number}, {why}, is drawn; `level: k` chooses another"
 
 
-def test_a_level_that_does_not_fit_is_refused_with_a_way_out(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("renderer.readers.voxel_limits.free_bytes", lambda: FIELD.nbytes - 1)
-    monkeypatch.setattr("renderer.readers.voxel_limits.free_swap_bytes", lambda: 0)
-    error = refused(store, level=0)
-    assert error.what == "the voxels of level 0 do not fit into memory"
-    assert error.hint == "`level: 1`, which is coarser, or `crop`" and error.got and error.expected
-    assert _is(read(store, level=1), LEVELS[1])
-    assert _is(read(store, level=0, crop=(None, None, (0, 5))), FIELD[:5])
-
-
 def test_levels_that_are_not_there(store: Path, tmp_path: Path) -> None:
     assert refused(store, match="there is no such level", level=3).expected == "0 to 2"
     np.save(tmp_path / "a.npy", FIELD)

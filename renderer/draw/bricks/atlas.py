@@ -143,8 +143,10 @@ class Atlas:
         missing, at most one for each. keys: int64 [n], all different. If the block raises, the missing bricks remain
         missing.
         """
-        free = np.flatnonzero(self._last_met < self._picture - 1)
-        free = free[np.argsort(self._last_met[free], kind="stable")[: self.num_missing(keys)]]
+        free = np.empty(0, np.int64)
+        if num_missing := self.num_missing(keys):
+            free = np.flatnonzero(self._last_met < self._picture - 1)
+            free = free[np.argsort(self._last_met[free], kind="stable")[:num_missing]]
         self._evict(free)  # now, as kernels that draw these bricks again must not find them in slots that others take
         with self._lent(keys, free) as placed:
             yield placed

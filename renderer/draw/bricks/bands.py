@@ -44,8 +44,8 @@ def plan_bands(
     while waiting:
         tiles = waiting.pop()
         is_met = np.zeros(num_bricks, np.bool_)
-        for tile in tiles:
-            is_met[numbers[starts[tile] : starts[tile + 1]]] = True
+        if tiles.size:  # tiles between the first and the last that are not among them have no bricks
+            is_met[numbers[starts[tiles[0]] : starts[tiles[-1] + 1]]] = True
         met = np.flatnonzero(is_met)
         times = _BANDS_IN_SLOTS if is_divided else 1
         if tiles.size > 1 and not have_slots(met, times):

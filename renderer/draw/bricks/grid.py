@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.kernels import Grid, kernels
-from renderer.volume import Float32, Float64, Int32
+from renderer.volume import Bools, Float32, Float64, Int32
 
 # Rays along the sides of a tile of a picture with a ray for every pixel. With 16, bricks are set up for more tiles, and
 # with 64 the rays of a tile do not fit into the cache.
@@ -60,17 +60,16 @@ def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False
     first = np.array([0.5 / across, 0.5 / across + grid.first_row])  # x and y of the first ray, in pixels
     # Rays are displaced from a regular lattice by up to this distance along each axis, in pixels.
     shear = 0.5 if grid.is_scattered else (0.5 - 0.5 / across) / across
-    low = np.ceil((rectangles_px[:, :2] - first - shear - _EDGE_ROUNDING_PX) / step)
-    high = np.floor((rectangles_px[:, 2:] - first + shear + _EDGE_ROUNDING_PX) / step) + 1
-    rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
-    rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
-    tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])
-    num_columns, num_rows = -(-shape[0] // side), -(-shape[1] // side)
-    starts = np.zeros(num_columns * num_rows + 2, np.int64)
-    numbers = np.empty(np.prod(tile_windows[:, 2:] - tile_windows[:, :2], axis=1).sum(), np.int64)
-    kernels().bin_bricks(
-        tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
-    )
+    rectangles, tile_windows = np.empty((2, len(rectangles_px), 4), np.int64)
+    kernels().place_bricks(
+        rectangles_px=rectangles_px, first_px=first, step_px=step, reach_px=shear + _EDGE_ROUNDING_PX, shape=shape,
+        side=side, rectangles=rectangles, tile_windows=tile_windows,
+    )  # fmt: skip
+    have_rays = _have_rays(grid, side // across)
+    starts = np.zeros(have_rays.size + 2, np.int64)
+    columns, rows = (tile_windows[:, 2:] - tile_windows[:, :2]).T
+    numbers = np.empty(np.dot(columns, rows), np.int64)
+    kernels().bin_bricks(tile_windows=tile_windows, have_rays=have_rays, starts=starts, numbers=numbers)
     return Grid(
         side=side,
         stride=grid.stride,
@@ -80,7 +79,17 @@ def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False
         shape=grid.shape,
         rectangles=rectangles,
         starts=starts[:-1],
-        numbers=numbers,
+        numbers=numbers[: starts[-1]],
         places=grid.places,
         rays=grid.rays,
     )
+
+
+def _have_rays(grid: RayGrid, side: int) -> Bools:
+    """Return whether any ray of each tile is drawn, bool [rows, columns]. side: the side of a tile, in pixels."""
+    if grid.places is None:
+        return np.ones([-(-num // side) for num in grid.shape], np.bool_)
+    found = grid.places >= 0
+    for axis, num in enumerate(grid.shape):
+        found = np.logical_or.reduceat(found, range(0, num, side), axis)
+    return np.ascontiguousarray(found)

@@ -191,9 +191,9 @@ int64_t texel_floats(const TexelRules& rules) {
     return (rules.is_lit ? 4 : 1) * PADDED_BRICK_SIZE * PADDED_BRICK_SIZE * PADDED_BRICK_SIZE;
 }
 
-bool are_bricks(const TexelRules& rules, const Array<const int32_t, 2>& cells) {
-    return fit_together(rules.voxels, cells);
-}
+bool are_complete(const TexelRules& rules) { return fits(rules.voxels.scalars, rules.voxels.raw); }
+
+bool is_brick_of(const TexelRules& rules, const Array<const int32_t, 1>& cell) { return is_brick(rules.voxels, cell); }
 
 void make_texels(const TexelRules& rules, const Array<const int32_t, 1>& cell, double* memory, float* texels) {
     constexpr int64_t size = PADDED_BRICK_SIZE, num = size * size * size;
@@ -225,7 +225,7 @@ void make_texels(const TexelRules& rules, const Array<const int32_t, 1>& cell, d
 
 Status fill_scalar_texels(const FillScalarTexels* arguments) {
     const auto& [rules, cells, slots, texels] = *arguments;
-    if (!are_bricks(rules, cells) || !match(slots, cells) || texels.shape[1] != texel_floats(rules)) return OUT_OF_BOUNDS;
+    if (!fit_together(rules.voxels, cells) || !match(slots, cells) || texels.shape[1] != texel_floats(rules)) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < cells.shape[0]; i++)
         if (slots[i] < 0 || slots[i] >= texels.shape[0]) return OUT_OF_BOUNDS;
     const Buffer<double> scratch(scratch_size(rules));

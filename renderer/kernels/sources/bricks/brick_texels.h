@@ -8,8 +8,11 @@ int64_t scratch_size(const TexelRules& rules);
 // Return the number of floats of the texels of a brick.
 int64_t texel_floats(const TexelRules& rules);
 
-// Return whether all `cells` [n, 3] are bricks of the volume, and each bit pattern has a scalar.
-bool are_bricks(const TexelRules& rules, const Array<const int32_t, 2>& cells);
+// Return whether each bit pattern of a voxel has a scalar.
+bool are_complete(const TexelRules& rules);
+
+// Return whether a cell, [3] (x, y, z), is a brick of the volume.
+bool is_brick_of(const TexelRules& rules, const Array<const int32_t, 1>& cell);
 
 // Write the texels of a brick. cell: the brick, [3] (x, y, z). memory: room for `scratch_size` numbers. texels: room for
 // `texel_floats` numbers.

@@ -14,12 +14,18 @@ struct Cube : Buffer<double> {
     explicit Cube(int64_t side) : Buffer(side * side * side), field{data, {side, side, side}} {}
 };
 
+// Return whether a cell, [3] (x, y, z), is a brick of the volume.
+INLINE bool is_brick(const Voxels& voxels, const Array<const int32_t, 1>& cell) {
+    for (int axis = 0; axis < 3; axis++)
+        if (cell[axis] < 0 || BRICK_SIZE * cell[axis] >= voxels.raw.shape[2 - axis]) return false;
+    return true;
+}
+
 // Return whether all `cells` [n, 3] are bricks of the volume, and each bit pattern has a scalar.
 inline bool fit_together(const Voxels& voxels, const Array<const int32_t, 2>& cells) {
     if (cells.shape[1] != 3 || !fits(voxels.scalars, voxels.raw)) return false;
     for (int64_t i = 0; i < cells.shape[0]; i++)
-        for (int axis = 0; axis < 3; axis++)
-            if (cells(i, axis) < 0 || BRICK_SIZE * cells(i, axis) >= voxels.raw.shape[2 - axis]) return false;
+        if (!is_brick(voxels, cells[i])) return false;
     return true;
 }
 

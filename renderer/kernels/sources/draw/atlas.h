@@ -73,15 +73,18 @@ inline int64_t own_size(const AtlasTexels& atlas) {
     return atlas.rules.exists ? texel_floats(atlas.rules.value) + READ_BEHIND : 0;
 }
 
-// Return whether there are rules and places for all missing texels.
-inline bool can_be_made(const AtlasTexels& atlas) {
+// Return whether the arrays of an atlas fit together, and all free positions are in it.
+inline bool is_consistent(const AtlasTexels& atlas) {
     if (atlas.num_taken.shape[0] != 1 || !match(atlas.offsets, atlas.cells, atlas.are_met)) return false;
-    if (!atlas.rules.exists) {
-        for (int64_t brick = 0; brick < atlas.offsets.shape[0]; brick++)
-            if (atlas.offsets[brick] < NOTHING) return false;
-        return true;
-    }
+    if (!atlas.rules.exists) return true;
     for (int64_t k = 0; k < atlas.free.shape[0]; k++)
         if (atlas.free[k] < 0 || atlas.free[k] > atlas.texels.shape[0] - own_size(atlas)) return false;
-    return are_bricks(atlas.rules.value, atlas.cells);
+    return are_complete(atlas.rules.value);
+}
+
+// Return whether a brick of voxels shows nothing, has `num` floats in the atlas, or can be made.
+inline bool can_be_drawn(const AtlasTexels& atlas, int64_t brick, int64_t num) {
+    int64_t offset = offset_of(atlas, brick);
+    if (offset > atlas.texels.shape[0] - num) return false;
+    return offset >= NOTHING || (atlas.rules.exists && is_brick_of(atlas.rules.value, atlas.cells[brick]));
 }

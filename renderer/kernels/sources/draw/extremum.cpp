@@ -250,13 +250,11 @@ bool draw_tile(const DrawExtremes& search, const Tile& tile, TexelFinder& finder
 Status draw_extremes(const DrawExtremes* arguments) {
     const Grid& grid = arguments->grid;
     const auto& tiles = arguments->tiles;
-    if (!is_consistent(grid, tiles) || !match(arguments->tops, grid.rectangles, arguments->boxes, arguments->voxels.offsets) ||
-        !can_be_made(arguments->voxels))
+    const AtlasTexels& voxels = arguments->voxels;
+    if (!match(arguments->tops, grid.rectangles, arguments->boxes, voxels.offsets) || !is_consistent(voxels))
         return OUT_OF_BOUNDS;
-    for (int64_t brick = 0; brick < arguments->boxes.shape[0]; brick++) {
-        int64_t begin = offset_of(arguments->voxels, brick);
-        if (begin > arguments->voxels.texels.shape[0] - TEXELS_PER_BRICK) return OUT_OF_BOUNDS;
-    }
+    if (!is_consistent(grid, tiles, [&](int64_t brick) { return can_be_drawn(voxels, brick, TEXELS_PER_BRICK); }))
+        return OUT_OF_BOUNDS;
     const Tile tile(grid, arguments->rays, MAX_CELLS);
     const Buffer<double> scratch(scratch_size(arguments->voxels));
     const Buffer<float> own(own_size(arguments->voxels));

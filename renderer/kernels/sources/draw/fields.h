@@ -286,19 +286,19 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
     return sum;
 }
 
-// Return whether the arrays of a field are large enough: for the texels of all bricks, for a piece of the transfer function
-// for each scalar, and for all cells of the light grid.
+// Return whether the texels of a field in a brick are in an atlas, or can be made.
+inline bool can_be_drawn(const Field& field, int64_t brick, bool is_mean) {
+    bool has_channels = is_mean || field.has_colors || field.light.exists || field.is_lit;
+    int64_t num = (has_channels ? 4 : 1) * TEXELS_PER_BRICK + (has_channels || field.is_labels) * READ_BEHIND;
+    if (!is_mean) return can_be_drawn(field.voxels, brick, num);
+    int64_t offset = offset_of(field.voxels, brick);
+    return offset >= NOTHING && offset <= field.means.shape[0] - num;
+}
+
+// Return whether the arrays of a field are large enough: for all bricks, for a piece of the transfer function for each
+// scalar, and for all cells of the light grid.
 inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean) {
-    if (!match(field.voxels.offsets, is_mean) || !can_be_made(field.voxels)) return false;
-    for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
-        int64_t size = is_mean[brick] ? field.means.shape[0] : field.voxels.texels.shape[0];
-        int64_t offset = offset_of(field.voxels, brick);
-        if (offset < NOTHING && is_mean[brick]) return false;
-        if (offset < 0) continue;  // the field shows nothing in this brick, or misses its texels
-        bool has_channels = is_mean[brick] || field.has_colors || field.light.exists || field.is_lit;
-        int64_t num = (has_channels ? 4 : 1) * TEXELS_PER_BRICK + (has_channels || field.is_labels) * READ_BEHIND;
-        if (offset > size - num) return false;
-    }
+    if (!match(field.voxels.offsets, is_mean) || !is_consistent(field.voxels)) return false;
     const auto& [rows, guide, lowest_visible] = field.pieces;
     int64_t num = rows.shape[0];
     if (num < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;
@@ -315,9 +315,18 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
     return corners.shape[0] == 0 || corners.shape[0] >= num_corners;
 }
 
+// Return whether the arrays of bricks fit together.
 inline bool is_complete(const LayerBricks& bricks) {
     if (bricks.fields.shape[0] < 1 || !match(bricks.is_mean, bricks.boxes, bricks.have_faces)) return false;
     for (int64_t number = 0; number < bricks.fields.shape[0]; number++)
         if (!is_complete(bricks.fields[number], bricks.is_mean)) return false;
+    return true;
+}
+
+// Return whether the texels of a brick are in an atlas, or can be made, for all layers.
+inline bool can_be_drawn(const LayerBricks& bricks, int64_t brick) {
+    bool is_mean = bricks.is_mean[brick];
+    for (int64_t number = 0; number < bricks.fields.shape[0]; number++)
+        if (!can_be_drawn(bricks.fields[number], brick, is_mean && number == 0)) return false;
     return true;
 }

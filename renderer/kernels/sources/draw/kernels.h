@@ -5,14 +5,33 @@
 #include "transfer/kernels.h"
 #include "view/kernels.h"
 
+// Find the rays and the tiles of a grid that bricks may cover.
+struct PlaceBricks {
+    // [bricks, 4]: left, top, right and bottom of each brick in the picture, in pixels.
+    Sized<const double, 2, 4> rectangles_px;
+    // The x and the y of the first ray of the grid, in pixels.
+    double first_px[2];
+    // The distance from one ray to the next along each axis, in pixels.
+    double step_px;
+    // Rays at most this far outside of a brick's rectangle count as inside, in pixels.
+    double reach_px;
+    // The number of columns and of rows of rays.
+    int64_t shape[2];
+    // The side of a tile, in rays.
+    int64_t side;
+    // [bricks, 4]: the rectangles of Grid; zeros for a brick that covers no ray.
+    Sized<int64_t, 2, 4> rectangles;
+    // [bricks, 4]: the windows of BinBricks.
+    Sized<int64_t, 2, 4> tile_windows;
+};
+KERNEL(place_bricks, PlaceBricks)
+
 // Sort bricks into the tiles of a grid.
 struct BinBricks {
     // [bricks, 4]: the tiles that a brick is over: the first column and row, and the column and row after the last.
     Sized<const int64_t, 2, 4> tile_windows;
-    // The number of tiles in a row of the grid.
-    int64_t num_columns;
-    // The number of tiles in a column of the grid.
-    int64_t num_rows;
+    // [rows, columns]: whether any ray of a tile is drawn; tiles without rays get no bricks.
+    Array<const bool, 2> have_rays;
     // [tiles + 2]: the starts of Grid, and one number more; the caller must zero the array.
     Array<int64_t, 1> starts;
     // The numbers of bricks, as in Grid.

@@ -189,8 +189,8 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
 // Composite bricks under some tiles of the image, or add up their light if nothing is absorbed.
 Status draw_tiles(const DrawTiles* arguments) {
     const auto& [grid, bricks, termination_alpha, is_additive, tiles] = *arguments;
-    if (!is_consistent(grid, tiles) || !match(bricks.is_mean, grid.rectangles) || !is_complete(bricks))
-        return OUT_OF_BOUNDS;
+    if (!match(bricks.is_mean, grid.rectangles) || !is_complete(bricks)) return OUT_OF_BOUNDS;
+    if (!is_consistent(grid, tiles, [&](int64_t brick) { return can_be_drawn(bricks, brick); })) return OUT_OF_BOUNDS;
     const Tile tile(grid, bricks.rays, MAX_SAMPLES - 1);
     const ShownGroups shown({&bricks, {1}});
     if (!tile || !shown) return NO_MEMORY;

@@ -396,13 +396,12 @@ bool is_complete(const DrawMixture& scene) {
     for (int64_t group = 0; group < scene.groups.shape[0]; group++)
         if (!is_complete(scene.groups[group])) return false;
     if (scene.members.shape[0] != scene.grid.rectangles.shape[0]) return false;
-    for (int64_t number = 0; number < scene.members.shape[0]; number++) {
+    return is_consistent(scene.grid, scene.tiles, [&](int64_t number) {
         int64_t group = scene.members(number, 0), brick = scene.members(number, 1);
         if (group < 0 || group >= scene.groups.shape[0]) return false;
         if (brick < 0 || brick >= scene.groups[group].boxes.shape[0]) return false;
-        if (!(scene.depths(number, 2) > 0.0)) return false;
-    }
-    return true;
+        return scene.depths(number, 2) > 0.0 && can_be_drawn(scene.groups[group], brick);
+    });
 }
 
 }  // namespace
@@ -410,7 +409,7 @@ bool is_complete(const DrawMixture& scene) {
 // Composite the bricks of several volumes into some tiles of the image; pixels that were there are overwritten.
 Status draw_mixture(const DrawMixture* arguments) {
     const auto& [grid, groups, members, depths, termination_alpha, tiles] = *arguments;
-    if (!is_consistent(grid, tiles) || depths.shape[0] != members.shape[0] || !is_complete(*arguments))
+    if (depths.shape[0] != members.shape[0] || !is_complete(*arguments))
         return OUT_OF_BOUNDS;
     int64_t num_packets = ((grid.side + WIDTH - 1) / WIDTH) * ((grid.side + HEIGHT - 1) / HEIGHT);
     const ShownGroups shown(groups);

@@ -39,8 +39,10 @@ INLINE int64_t tiles_along(const Grid& grid, int axis) {
     return (grid.shape[axis] * grid.rays_across + grid.side - 1) / grid.side;
 }
 
-// Return whether the shapes of a grid's arrays fit together, and all numbers are numbers of tiles and of bricks.
-inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles) {
+// Return whether the shapes of a grid's arrays fit together, `tiles` are numbers of tiles, and each brick over them is one
+// that can be drawn. Only bricks over these tiles are looked at: there may be far more others.
+template <class CanBeDrawn>
+inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles, CanBeDrawn can_be_drawn) {
     const auto& [side, stride, rays_across, is_scattered, first_row, shape, rectangles, starts, numbers, places, rays] = grid;
     if (side < 1 || stride < 1 || rays_across < 1 || side % rays_across != 0 || shape[0] < 1 || shape[1] < 1) return false;
     if (places.exists && (places.value.shape[0] != shape[0] || places.value.shape[1] != shape[1])) return false;
@@ -52,7 +54,7 @@ inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles
         int64_t begin = starts[tiles[k]], end = starts[tiles[k] + 1];
         if (begin < 0 || end > numbers.shape[0]) return false;
         for (int64_t at = begin; at < end; at++)
-            if (numbers[at] < 0 || numbers[at] >= rectangles.shape[0]) return false;
+            if (numbers[at] < 0 || numbers[at] >= rectangles.shape[0] || !can_be_drawn(numbers[at])) return false;
     }
     return true;
 }

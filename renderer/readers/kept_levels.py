@@ -1,0 +1,82 @@
+"""Keep levels of stores in the cache folder, decoded, so that a later film of the same store need not read them.
+
+An entry has the voxels of one level, time step, component and crop. It counts as one of a local store as long as all
+files of the store have the same names, sizes and times. Of a store at a URL, the metadata are read again, and compared.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from renderer.cache import CacheFolder, cache_folder
+from renderer.readers.image import Image
+from renderer.readers.isolation import kept_image
+from renderer.readers.recent_images import marks_of
+
+# The kind of these entries in the cache folder.
+_KIND = "level"
+# The number of bytes of the digest of a file's name, size and time.
+_DIGEST_BYTES = 16
+
+
+def read_kept(read: Callable[..., Image], place: Path | str, wanted: Mapping[str, Any]) -> Image:
+    """Return a level from the cache folder, or else read it, and keep it there if the process has such a folder.
+
+    read: reads the level in a child process, into an entry of the cache folder (`entry`), or without voxels if no
+        blocks are wanted (`blocks`). place: the path or the URL of the store. wanted: the part of it, as in `Wanted`.
+    """
+    folder = cache_folder()
+    if folder is None:
+        return read()
+    facts = _facts(read, place, wanted)
+    kept = _find(folder, facts)
+    if kept is not None:
+        return kept
+    image = None
+    with suppress(OSError), folder.adding(_KIND, facts) as entry:
+        image = read(entry=entry)
+    return _find(folder, facts) or image or read()
+
+
+def store_marks(place: Path) -> str:
+    """Return a text that changes when a file in a store is added, removed or written to. place: a folder or a file."""
+    total, folders = 0, [place] if place.is_dir() else []
+    marks = repr(marks_of(place)) * place.is_file()
+    while folders:
+        here = folders.pop()
+        with os.scandir(here) as entries:
+            for each in entries:
+                if each.is_dir(follow_symlinks=False):
+                    folders.append(Path(each.path))
+                    continue
+                state = each.stat()
+                text = f"{each.path} {state.st_size} {state.st_mtime_ns}".encode("utf-8", "surrogateescape")
+                # A sum does not depend on the order of the files, which the system chooses.
+                total += int.from_bytes(hashlib.blake2b(text, digest_size=_DIGEST_BYTES).digest(), "big")
+    return f"{marks} {total % 256**_DIGEST_BYTES:x}"
+
+
+def _facts(read: Callable[..., Image], place: Path | str, wanted: Mapping[str, Any]) -> object:
+    """Return the facts that a level depends on."""
+    marks: object = None if isinstance(place, str) else store_marks(place)
+    if marks is not None and wanted["level"] is not None:
+        return str(place), marks, tuple(wanted.items())
+    plan = read(blocks=())  # the level that is taken if none is named depends on the free memory
+    stated = (plan.marks, plan.values.dtype.str, plan.levels, plan.notes)
+    return str(place), marks or stated, tuple(wanted.items()), plan.levels
+
+
+def _find(folder: CacheFolder, facts: object) -> Image | None:
+    """Return the level in an entry of the cache folder. An entry that holds no image is removed."""
+    found = folder.find(_KIND, facts)
+    if found is None:
+        return None
+    image = kept_image(found)
+    if image is None:
+        folder.remove(_KIND, facts)
+    return image
