@@ -57,11 +57,8 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
                 if film.error is not None:
                     reporter.warning(join_lines(film.error.splitlines()))
     finally:
-        rows = [
-            request.entry(manifest.INTERRUPTED if request.scene in processes.begun else manifest.NOT_STARTED)
-            for request in requests[len(films) :]
-        ]
-        reporter.result(manifest.manifest_table(folder, [*films, *rows]))
+        rows = [*films, *map(processes.entry, requests[len(films) :])]
+        reporter.result(manifest.manifest_table(folder, rows))
         # Each update of turntable.json removes the entries of films whose scene and volume are gone.
         gone = [film for film in films if not manifest.has_volume(folder, film)]
         manifest.try_to_update(folder, gone, reporter)

@@ -44,8 +44,6 @@ class FilmProcesses(AbstractContextManager["FilmProcesses"]):
     """An owner of processes that make films side by side, each one film after the other.
 
     A process is started for its first film. All processes end with the `with` block.
-
-    begun: the paths of the scenes whose films were begun.
     """
 
     def __init__(self, arguments: Sequence[str], folder: Path, num: int, reporter: Reporter) -> None:
@@ -55,10 +53,13 @@ class FilmProcesses(AbstractContextManager["FilmProcesses"]):
         films. num: the number of processes. If there are several, the text that a process prints on the standard error
         stream is kept until its film is asked for.
         """
-        self.begun: set[Path] = set()
         self._folder, self._reporter = folder, reporter
         self._waiting: deque[FilmRequest] = deque()
-        self._made: dict[Path, tuple[FilmEntry, bytes]] = {}
+        # Of the scenes' paths: all whose films were begun, in order; the entries of the films that are made; and the
+        # texts of processes that were not printed.
+        self._begun: list[Path] = []
+        self._made: dict[Path, FilmEntry] = {}
+        self._said: dict[Path, bytes] = {}
         self._owned = ExitStack()
         logs = [self._owned.enter_context(open_anonymous_file()) if num > 1 else None for _ in range(num)]
         self._processes = [self._owned.enter_context(_FilmProcess(arguments, num, log)) for log in logs]
@@ -67,11 +68,16 @@ class FilmProcesses(AbstractContextManager["FilmProcesses"]):
         """End the processes. After an interrupt, which they have not received, they first remove unfinished work."""
         with self._owned:
             if isinstance(error, KeyboardInterrupt):
-                for process in self._processes:
+                working = [process for process in self._processes if process.request is not None]
+                for process in working:
                     process.terminate()
                 end = time.monotonic() + _TERMINATE_TIMEOUT_S
-                for process in self._processes:
+                for process in working:
                     process.wait_until(end)
+                    assert process.request is not None
+                    self._said[process.request.scene] = process.said()
+                for scene in self._begun:
+                    self._reporter.relay(self._said.pop(scene, b""))
 
     def add(self, requests: Iterable[FilmRequest]) -> None:
         """Add requests. Their films are begun in this order, each as soon as there is a process for it."""
@@ -90,15 +96,21 @@ class FilmProcesses(AbstractContextManager["FilmProcesses"]):
             for process in select([each for each in self._processes if each.request is not None], [], [])[0]:
                 self._finish(process)
             self._begin()
-        film, said = self._made[request.scene]
-        self._reporter.relay(said)
-        return film
+        self._reporter.relay(self._said.pop(request.scene))
+        return self._made[request.scene]
+
+    def entry(self, request: FilmRequest) -> FilmEntry:
+        """Return the entry of a film, which may be made, interrupted, or not begun."""
+        has_begun = request.scene in self._begun
+        return self._made.get(request.scene) or request.entry(
+            manifest.INTERRUPTED if has_begun else manifest.NOT_STARTED
+        )
 
     def _begin(self) -> None:
         """Give waiting requests to the processes that make no film."""
         for process in self._processes:
             if process.request is None and self._waiting:
-                self.begun.add(self._waiting[0].scene)
+                self._begun.append(self._waiting[0].scene)
                 process.begin(self._waiting.popleft())
 
     def _finish(self, process: _FilmProcess) -> None:
@@ -108,7 +120,7 @@ class FilmProcesses(AbstractContextManager["FilmProcesses"]):
         film, has_ended = process.finish()
         if has_ended:
             manifest.try_to_update(self._folder, [film], self._reporter)
-        self._made[request.scene] = film, process.said()
+        self._made[request.scene], self._said[request.scene] = film, process.said()
 
 
 class _FilmProcess(AbstractContextManager["_FilmProcess"]):
@@ -140,11 +152,12 @@ class _FilmProcess(AbstractContextManager["_FilmProcess"]):
 
     def begin(self, request: FilmRequest) -> None:
         """Let the process make a film; start it if it is not running."""
-        self.request, self._start_s = request, time.perf_counter()
+        self._start_s = time.perf_counter()
         if self._process is None or self._process.poll() is not None:
             self._owned.close()
             started = _started(self._arguments, self._num, self._log)
             self._process, self._connection = self._owned.enter_context(started)
+        self.request = request
         asked = json.dumps([request.scene.stem, str(volume_place(request.volume))])
         with suppress(OSError):  # the process is gone
             self._connection.sendall(f"{asked}\n".encode())
@@ -180,15 +193,15 @@ class _FilmProcess(AbstractContextManager["_FilmProcess"]):
         return text
 
     def terminate(self) -> None:
-        """Ask the process to end, if it makes a film."""
-        if self.request is not None and self._process is not None:
-            self._process.terminate()
+        """Ask the process, which makes a film, to end."""
+        assert self._process is not None
+        self._process.terminate()
 
     def wait_until(self, end: float) -> None:
         """Wait until a process that was asked to end has ended, or until a time by `monotonic`."""
-        if self.request is not None and self._process is not None:
-            with suppress(subprocess.TimeoutExpired):
-                self._process.wait(max(0, end - time.monotonic()))
+        assert self._process is not None
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(max(0, end - time.monotonic()))
 
 
 @contextmanager

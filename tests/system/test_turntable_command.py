@@ -252,7 +252,7 @@ def test_several_processes_make_the_same_films_and_print_the_same(processes, mon
         order = [record["scene"] for record in report(f"out{num}")]
         assert order == sorted(order)
     assert printed[0] == printed[1]
-    assert [line[:5] for line in printed[0] if line[:1] == "["] == [f"[{number}/6" for number in range(1, 7)]
+    assert [line[:5] for line in printed[0] if line[:1] == "["] == [f"[{number}/6]" for number in range(1, 7)]
     assert made[0] == made[1]
     assert len(made[0]) == 5
 
@@ -285,7 +285,7 @@ def test_an_interrupt_ends_all_films_that_are_made() -> None:
     process.send_signal(signal.SIGTERM)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 143
-    assert err.endswith("hsplat: interrupted\n")
+    assert err.count("hsplat: interrupted\n") == 3  # both processes print it, too
     assert not marked(mark)
     assert [record["status"] for record in report()] == ["interrupted"] * 2
     assert [line.split()[1] for line in out.splitlines()[-4:]] == ["interrupted", "interrupted", "not", "not"]
