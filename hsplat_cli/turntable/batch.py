@@ -25,7 +25,8 @@ from renderer.system import free_bytes, join_lines, num_cores
 
 # The largest size, in bytes, of the files of a small volume.
 _SMALL_BYTES = 1 << 24
-# The free memory, in bytes, for each process that makes films of small volumes.
+# The free memory, in bytes, for each process that makes films of small volumes. The largest memory of a process was 0.3
+# GB for 256^3 bytes, and 0.8 GB for 512^3 labels in a compressed file of 1.8 MB.
 _BYTES_OF_PROCESS = 1 << 30
 
 
