@@ -7,6 +7,7 @@ in any case.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -85,8 +86,12 @@ def _num_processes(requests: Sequence[FilmRequest]) -> int:
 
 
 def _is_small(request: FilmRequest) -> bool:
-    """Return whether a film is drawn by its process, from files of few bytes. A store at a URL may have any size."""
-    if request.executor.scheduler is not None or not isinstance(volume_place(request.volume), Path):
+    """Return whether a film is drawn by its process, from volumes in files of few bytes.
+
+    A folder may be a store, whose size is not known; nor is it at a URL.
+    """
+    volumes = filter(None, (request.volume, request.film.under))
+    if request.executor.scheduler is not None or not all(os.path.isfile(volume_place(each)) for each in volumes):
         return False
     return sum(state[0] for _, state in file_states(request.input_files()) if state) <= _SMALL_BYTES
 

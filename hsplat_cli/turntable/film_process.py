@@ -35,9 +35,9 @@ from renderer.system import ChildProcesses, describe_exit, num_cores, open_anony
 # Seconds that interrupted processes have to remove their unfinished work and end. After them they are killed: a library
 # that is being loaded can lose an interrupt.
 _TERMINATE_TIMEOUT_S = 10.0
-# The number of threads of numpy's linear algebra. They wait for work by spinning, which took 6 % of the time of
-# processors for films of 64^3 voxels.
-_THREADS = {"OPENBLAS_NUM_THREADS": "1"}
+# The environment variable that limits the threads of numpy's linear algebra, and its value unless the environment has
+# one. These threads wait for work by spinning, which took 6 % of the processors' time for films of 64^3 voxels.
+_LINEAR_ALGEBRA = {"OPENBLAS_NUM_THREADS": "1"}
 
 
 class FilmProcesses(AbstractContextManager["FilmProcesses"]):
@@ -55,10 +55,11 @@ class FilmProcesses(AbstractContextManager["FilmProcesses"]):
         """
         self._folder, self._reporter = folder, reporter
         self._waiting: deque[FilmRequest] = deque()
-        # Of the scenes' paths: all whose films were begun, in order; the entries of the films that are made; and the
-        # texts of processes that were not printed.
+        # The scenes whose films were begun, in this order.
         self._begun: list[Path] = []
+        # The entries of the films that are made, by scene.
         self._made: dict[Path, FilmEntry] = {}
+        # The texts of processes that are not yet printed, by scene.
         self._said: dict[Path, bytes] = {}
         self._owned = ExitStack()
         logs = [self._owned.enter_context(open_anonymous_file()) if num > 1 else None for _ in range(num)]
@@ -210,7 +211,7 @@ def _started(
 ) -> Iterator[tuple[subprocess.Popen[bytes], socket.socket]]:
     """Yield a new process that makes films, and the connection to it. The process has ended after the block.
 
-    num, log: as for _FilmProcess.
+    Its threads are its share of those that this process may use. num, log: as for _FilmProcess.
     """
     ours, theirs = socket.socketpair()
     with ours:
@@ -222,7 +223,7 @@ def _started(
                     pass_fds=[theirs.fileno()],
                     stdout=subprocess.DEVNULL,
                     stderr=log,
-                    env=_THREADS | {"LP_NUM_THREADS": str(max(1, num_cores() // num))} | os.environ,
+                    env=_LINEAR_ALGEBRA | os.environ | {"LP_NUM_THREADS": str(max(1, num_cores() // num))},
                 )
             yield process, ours
         process.wait()
