@@ -38,7 +38,7 @@ Formats that a library parses, in a child process:
 - `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py` (VTK), `hdf5.py` (h5py), `pictures.py` (Pillow): a
   file for each format
 - `store.py` (tensorstore): an image in levels, by the room `stores`
-- `store_blocks.py`: the blocks in which a part of a level of a store is read
+- `store_blocks.py`: the blocks in which a part of a level of a store is read; `level_parts.py`: a level in parts
 - `slice_names.py`: the order of slices in separate files
 - `orientation.py`: turned and mirrored pictures
 

@@ -20,6 +20,7 @@ from .volume_reading import (
     most_level_bytes as most_level_bytes,
     read_part as read_part,
     read_volume as read_volume,
+    state_of_store as state_of_store,
 )
 
 # isort: split

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -21,7 +21,8 @@ from renderer.readers.components import are_colors, are_light, choose, select_in
 from renderer.readers.file_errors import errors_about, require_exists, unreadable_error
 from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
-from renderer.readers.kept_levels import read_kept
+from renderer.readers.kept_levels import find_kept, read_kept, store_state
+from renderer.readers.level_parts import read_plan, read_rest, with_blocks
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages, marks_of
 from renderer.readers.sniff import find_format, find_volume
@@ -227,23 +228,61 @@ def _finest_affine(image: Image) -> Float64:
 
 
 def read_part(spec: VolumeSpec, blocks: Blocks | None) -> Image | None:
-    """Return a level of a store in which only some blocks are read, placed in the world; other voxels are 0.
+    """Return a level of a store with some of its blocks, placed in the world; other voxels are 0, or those of others.
 
-    The voxels are mapped from a temporary file. blocks: the blocks of the level that the spec names; None to read
-    no voxels. Returns None for a volume that is no store. Raises InputError for damaged stores.
+    The voxels are mapped from a temporary file, or from the cache folder. Blocks that this process has read are not
+    read again. blocks: the blocks of the level that the spec names; None to read no voxels. Returns None for a volume
+    that is no store. Raises InputError for damaged stores.
     """
-    source, time = spec.source, math.floor(spec.time) if isinstance(spec.time, (int, float)) else None
-    if not isinstance(source, (FileSource, UrlSource)) or (isinstance(source, FileSource) and source.steps):
+    found = _store_of(spec)
+    if found is None:
         return None
-    with errors_about(_name(source, time)):
-        place: Path | str = source.url if isinstance(source, UrlSource) else find_volume(require_exists(source.file))[0]
-        if isinstance(place, Path) and not (is_store(place) or is_zipped_store(place)):
-            return None
-        wanted = _wanted(spec, 0 if spec.time == "auto" else time)
-        chosen = () if blocks is None else blocks.to_plain()
-        image = read_isolated("renderer.readers.store:read_store", place, on_disk=True, blocks=chosen, **wanted)
+    with errors_about(str(found)):
+        image = _part(spec, found, blocks)
         assert image.box is not None
         return crop_image(_with_spacing(image, spec)[0], image.box)
+
+
+def state_of_store(spec: VolumeSpec) -> object:
+    """Return facts that change when a store does; their `repr` tells stores apart. None for a volume that is no store.
+
+    Of a store at a URL, only the metadata are known. Raises InputError for damaged stores.
+    """
+    found = _store_of(spec)
+    if found is None:
+        return None
+    with errors_about(str(found)):
+        return store_state(partial(_part, spec, found, None), found)
+
+
+def _store_of(spec: VolumeSpec) -> Path | str | None:
+    """Return the path or the URL of the store of a volume; None for a volume that is no store."""
+    source = spec.source
+    if isinstance(source, UrlSource):
+        return source.url
+    if not isinstance(source, FileSource) or source.steps:
+        return None
+    with errors_about(str(source.file)):
+        place = find_volume(require_exists(source.file))[0]
+        return place if is_store(place) or is_zipped_store(place) else None
+
+
+def _part(spec: VolumeSpec, place: Path | str, blocks: Blocks | None) -> Image:
+    """Return a level of a store with some of its blocks, and those that this process has read before."""
+    time = math.floor(spec.time) if isinstance(spec.time, (int, float)) else None
+    wanted = _wanted(spec, 0 if spec.time == "auto" else time)
+    read = partial(read_isolated, "renderer.readers.store:read_store", place, on_disk=True, **wanted)
+    request = _part_request(spec, place, wanted)
+    part = _RECENT_IMAGES.find(request)
+    if part is None:
+        part = _RECENT_IMAGES.keep(request, read_plan(read))
+    if blocks is None:
+        return part
+    whole = _RECENT_IMAGES.find(_level_request(spec, place, "store", wanted)) or find_kept(part, place, wanted)
+    if whole is not None:
+        return whole
+    more = with_blocks(part, blocks, read)
+    return part if more is part else _RECENT_IMAGES.keep(request, more)
 
 
 def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
@@ -386,14 +425,30 @@ def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None)
     if form == "hdf5":
         wanted["has_spacing_override"] = _has_spacing(spec)
 
-    def read() -> Image:
-        reader = f"renderer.readers.{form}:read_{form}"
-        read_level = partial(read_isolated, reader, place, on_disk=True, most_bytes=most_level_bytes(), **wanted)
-        return read_kept(read_level, place, wanted) if form == "store" else read_level()
+    reader = f"renderer.readers.{form}:read_{form}"
+    read = partial(read_isolated, reader, place, on_disk=True, **wanted, most_bytes=most_level_bytes())
+    request = _level_request(spec, place, form, wanted)
+    if form != "store":
+        return _RECENT_IMAGES.get(request, read)
+    part = _part_request(spec, place, wanted)
+    # Blocks by which levels were compared are not read again.
+    read_level = partial(read_rest, _RECENT_IMAGES.find(part), read)
+    image = _RECENT_IMAGES.get(request, lambda: read_kept(read_level, place, wanted))
+    _RECENT_IMAGES.drop(part)
+    return image
 
+
+def _level_request(spec: VolumeSpec, place: Path | str, form: str, wanted: Mapping[str, Any]) -> ImageRequest:
+    """Return the request for an image in a store or in HDF5. wanted: the part of it, as in `Wanted`."""
     marks = () if isinstance(place, str) else _marks_of_volume(place, form)
     choice = (place if isinstance(place, str) else place.resolve(), *wanted.values())
-    return _RECENT_IMAGES.get(ImageRequest(spec.source, choice, marks), read)
+    return ImageRequest(spec.source, choice, marks)
+
+
+def _part_request(spec: VolumeSpec, place: Path | str, wanted: Mapping[str, Any]) -> ImageRequest:
+    """Return the request for a part of a level of a store."""
+    request = _level_request(spec, place, "store", wanted)
+    return replace(request, choice=("part", request.choice))
 
 
 def _wanted(spec: VolumeSpec, time: int | None) -> dict[str, Any]:
