@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -24,11 +24,12 @@ from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.kept_levels import find_kept, read_kept, store_state
 from renderer.readers.level_parts import read_plan, read_rest, with_blocks
 from renderer.readers.nodata import find_fill_values, mark_absent
-from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages, marks_of
-from renderer.readers.sniff import find_format, find_volume
+from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages
+from renderer.readers.sniff import find_volume
 from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.store_blocks import Blocks
 from renderer.readers.units import units_of
+from renderer.readers.volume_files import ISOLATED, marks_of_volume, marks_with_header
 from renderer.readers.voxel_colors import join_colors
 from renderer.readers.voxel_limits import (
     MAX_VOLUME_BYTES,
@@ -297,19 +298,8 @@ def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
     alike = VolumeSpec(source, component=_component(spec), dataset=spec.dataset, level=spec.level, crop=crop)
     if isinstance(source, UrlSource):
         return _found_fill_values(alike, num_times, ())
-    of_files = chain.from_iterable(map(_marks, source.steps or (source.file,)))
+    of_files = chain.from_iterable(map(marks_with_header, source.steps or (source.file,)))
     return _found_fill_values(alike, num_times, tuple(of_files))
-
-
-def _marks(path: Path, *, with_folder: bool = False) -> Iterator[FileMarks]:
-    """Yield the marks of a file or a folder with a volume, and of all files that its header names.
-
-    with_folder: whether the marks of all files in the folder of a file take the place of the marks of the file itself.
-    Raises InputError for damaged headers.
-    """
-    yield marks_of(path.parent if with_folder and path.is_file() else path)
-    if path.is_file():
-        yield from map(marks_of, header_and_voxel_files(path)[1])
 
 
 @lru_cache(maxsize=16)
@@ -363,8 +353,6 @@ def _load(spec: VolumeSpec, time: int | None) -> Image:
 
 # The modules of readers that are not named after their format; `nrrd.py` has `read_nrrd`, and so on.
 _MODULES = {"npy": "numpy_arrays", "npz": "numpy_arrays", "vtk": "vtk_image"}
-# The formats that large libraries parse, and that are read in a child process.
-_ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
 # The formats with several images or levels, of which only the voxels of a crop are read.
 _IN_PARTS = ("store", "hdf5")
 
@@ -408,7 +396,7 @@ def _load_whole(spec: VolumeSpec, found: Path, form: str, time: int | None) -> I
     component, has_spacing = _component(spec), _has_spacing(spec)
 
     def read() -> Image:
-        if form in _ISOLATED:
+        if form in ISOLATED:
             return read_isolated(reader, found, time=time, component=component, has_spacing_override=has_spacing)
         with errors_about(found):
             image = import_reader(reader)(found, time, component)
@@ -416,7 +404,7 @@ def _load_whole(spec: VolumeSpec, found: Path, form: str, time: int | None) -> I
         return image if stays else replace(image, values=_native_contiguous(image.values))
 
     choice = (found.resolve(), time, component, has_spacing)
-    return _RECENT_IMAGES.get(ImageRequest(spec.source, choice, _marks_of_volume(found, form)), read)
+    return _RECENT_IMAGES.get(ImageRequest(spec.source, choice, marks_of_volume(found, form)), read)
 
 
 def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None) -> Image:
@@ -440,7 +428,7 @@ def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None)
 
 def _level_request(spec: VolumeSpec, place: Path | str, form: str, wanted: Mapping[str, Any]) -> ImageRequest:
     """Return the request for an image in a store or in HDF5. wanted: the part of it, as in `Wanted`."""
-    marks = () if isinstance(place, str) else _marks_of_volume(place, form)
+    marks = () if isinstance(place, str) else marks_of_volume(place, form)
     choice = (place if isinstance(place, str) else place.resolve(), *wanted.values())
     return ImageRequest(spec.source, choice, marks)
 
@@ -469,45 +457,11 @@ def _has_spacing(spec: VolumeSpec) -> bool:
     return isinstance(spec.source, FileSource) and spec.source.spacing is not None
 
 
-def _marks_of_volume(path: Path, form: str) -> tuple[FileMarks, ...]:
-    """Return the marks of all files with a volume, as far as its header can be read."""
-    marks = list[FileMarks]()
-    with suppress(InputError):  # the reader tells what is wrong with a header
-        # A large library may open any file beside the volume: the slices of its series, or the planes of OME-TIFF.
-        marks.extend(_marks(path, with_folder=form in _ISOLATED))
-    return tuple(marks)
-
-
 def _component(spec: VolumeSpec) -> int | None:
     """Return the component that is read first: 0 for all components and for colours, None if the scene chooses none."""
     if spec.has_colors:
         return 0
     return spec.component if isinstance(spec.component, int) else None
-
-
-def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
-    """Return the file of a volume's header, and the files of voxels that the header names, perhaps its own among them.
-
-    Raises InputError for damaged headers and missing files.
-    """
-    form = find_format(file)
-    if form in ("nrrd", "metaimage"):
-        from renderer.readers import metaimage, nrrd
-
-        with errors_about(file):
-            layout = (nrrd.read_header(file) if form == "nrrd" else metaimage.read_header(file))[1]
-            return file, [part.file for part in layout.parts]
-    if form == "vtk":
-        from renderer.readers.vtk_image import piece_files
-
-        with errors_about(file):
-            return file, piece_files(file)
-    if form == "nifti":
-        from renderer.readers.nifti import find_pair
-
-        header, data = find_pair(file)
-        return header, [data or header]
-    return file, []
 
 
 def crop_image(image: Image, ranges: Ranges) -> Image:
