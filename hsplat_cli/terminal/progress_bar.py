@@ -123,7 +123,7 @@ class PassProgress:
         self._num_finished = 0
 
     def __call__(self, num_read: int, num_bytes: int, what: str) -> None:
-        """Show how many of the bytes of a pass were read; 0 begins a pass. what: a word for what is read."""
+        """Show how many of the bytes of a pass were read; 0 begins a pass. what: a name for them in messages."""
         if num_read == 0 or self._bar is None:
             self.close()
             steps, unit, self._num_finished = -(-num_bytes // _PASS_UNIT), "MiB", 0

@@ -55,10 +55,11 @@ class CacheFolder:
         try:
             files = sorted(entry.glob("*.npy"))
             found = {file.stem: np.load(file, mmap_mode="r", allow_pickle=False) for file in files}
-            os.utime(entry)
         except (OSError, EOFError, ValueError):
             shutil.rmtree(entry, ignore_errors=True)
             return None
+        with contextlib.suppress(OSError):  # another user's entry may be one that this process can only read
+            os.utime(entry)
         return found
 
     def remove(self, kind: str, facts: object) -> None:

@@ -61,8 +61,10 @@ _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
 # The fields of an Image that a child sends as they are.
 _PLAIN_FIELDS = ("notes", "nodata", "steps", "units", "levels", "box", "marks")
 
-# The files of an entry of the cache folder, which has the voxels of an image, and the answer of the child as bytes.
-_VOXELS, _ANSWER = "voxels", "answer"
+# The name of the voxels of an image in an entry of the cache folder.
+_VOXELS = "voxels"
+# The name of the answer of the child, as bytes of JSON, in an entry of the cache folder.
+_ANSWER = "answer"
 
 
 def allocate_voxels(host: Host, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
@@ -100,7 +102,10 @@ def read_isolated(
 
 
 def kept_image(arrays: Mapping[str, Array]) -> Image | None:
-    """Return the image in an entry of the cache folder; None if the entry is damaged. arrays: those of the entry."""
+    """Return the image in an entry of the cache folder; None if the entry is damaged.
+
+    arrays: the arrays of the entry, by their names.
+    """
     try:
         told = json.loads(arrays[_ANSWER].tobytes())
         shape, dtype, _ = _layout(told)
@@ -165,7 +170,7 @@ def _ask(children: ChildProcesses, request: dict[str, Any], voxels: IO[bytes]) -
 
 
 def _last_line(answers: IO[bytes]) -> bytes:
-    """Return the last line that a child has sent, without those on progress, which the watcher of passes is told."""
+    """Return the last line that a child has sent. Lines on progress are told to the watcher of passes, and left out."""
     last = b""
     while (line := answers.readline(_MAX_ANSWER_BYTES)).endswith(b"\n"):  # the child may end within a line
         if not line.startswith(b"["):
@@ -278,7 +283,7 @@ class Host:
         self.send(str(path))
 
     def tell_progress(self, num_read: int, num_bytes: int, what: str) -> None:
-        """Tell the parent how many bytes of voxels were read; 0 is told first. what: a word for what is read."""
+        """Tell the parent how many bytes of voxels were read, beginning with 0. what: a name for them in messages."""
         self.send([num_read, num_bytes, what])
 
     def send(self, answer: str | list[Any] | dict[str, Any]) -> None:

@@ -55,7 +55,8 @@ def store_marks(place: Path) -> str:
                     folders.append(Path(each.path))
                     continue
                 state = each.stat()
-                text = f"{each.path} {state.st_size} {state.st_mtime_ns}".encode("utf-8", "surrogateescape")
+                times = f"{state.st_mtime_ns} {state.st_ctime_ns}"
+                text = f"{each.path} {state.st_size} {times}".encode("utf-8", "surrogateescape")
                 # A sum does not depend on the order of the files, which the system chooses.
                 total += int.from_bytes(hashlib.blake2b(text, digest_size=_DIGEST_BYTES).digest(), "big")
     return f"{marks} {total % 256**_DIGEST_BYTES:x}"

@@ -1,7 +1,8 @@
 """Keep what a pass over voxels in a file found, so that a later process need not read the voxels.
 
-The voxels are known by the place, the size and the time of the last change of their file, as `make` knows a file. A
-file that was changed a moment ago is not trusted: a second change may leave it the same time.
+The voxels are known by the place, the size and both times of the last change of their file. Programs can set the time
+of the last change of the content, and not that of the state. A file that was changed a moment ago is not trusted: a
+second change may leave it the same times.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 
 from renderer.cache import KeptArrays, cache_folder, numbers_from_array, numbers_to_array
 from renderer.volume.arrays import Array
-from renderer.volume.mapped_file import MappedFile, place_in_file
+from renderer.volume.mapped_file import MappedFile, place_in_file, time_of_change
 
 # The seconds after its last change from which on a file is trusted. FAT has the coarsest times, of 2 s.
 _SETTLED = 2.0
@@ -30,8 +31,8 @@ def kept_pass(
     folder = cache_folder()
     if source is None or folder is None:
         return make()
-    place = str(source.path), source.state, place_in_file(values), values.dtype.str, values.shape
-    entry = KeptArrays(folder, kind, (place, facts))
+    place = str(source.path), source.state, time_of_change(source), place_in_file(values)
+    entry = KeptArrays(folder, kind, (place, values.dtype.str, values.shape, facts))
     found = entry.find()
     if found is not None:
         source.require_unchanged()

@@ -64,6 +64,17 @@ def _file_state(path: Path) -> tuple[int, int, int, int]:
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
+def time_of_change(file: MappedFile) -> int:
+    """Return the time of the last change of a file's content or state, in nanoseconds; 0 if the file is gone.
+
+    No program can set this time.
+    """
+    try:
+        return file.path.stat().st_ctime_ns
+    except OSError:
+        return 0
+
+
 def place_in_file(values: Array) -> int:
     """Return the byte of a file at which an array begins that is mapped from it, as `backing_file` finds."""
     root = _mapped_root(values)

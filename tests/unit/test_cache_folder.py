@@ -103,3 +103,14 @@ def test_a_file_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("text")
     with pytest.raises(InputError, match="cannot keep anything"), caching_in(tmp_path / "file"):
         raise AssertionError("the block must not run")
+
+
+def test_an_entry_that_can_only_be_read_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = CacheFolder(tmp_path)
+    folder.add("blocks", 1, ARRAYS)
+
+    def refuse(_: Path) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "utime", refuse)
+    assert folder.find("blocks", 1) is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -204,21 +205,22 @@ def changed_files(tree: dict[str, Any]) -> Iterator[Callable[[], None]]:
     """Yield functions that change the file of a scene, but neither its name nor its size."""
     file = Path(tree["volume"]["file"])
 
-    def write_into() -> None:
+    def write_into(time: int) -> None:
         with file.open("r+b") as opened:
             opened.seek(-30000, os.SEEK_END)
             opened.write(bytes([255] * 10000))
-        os.utime(file, (2000, 2000))
+        os.utime(file, (time, time))
 
     def replace() -> None:
         np.save(file.with_name("new.npy"), ball("uint8", 7))
         file.with_name("new.npy").replace(file)
         os.utime(file, (1000, 1000))
 
-    yield from (write_into, replace)
+    # The earlier time of change is 1000, too.
+    yield from (partial(write_into, 2000), partial(write_into, 1000), replace)
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [0, 1, 2])
 def test_a_changed_file_is_read_again(number: int, tmp_path: Path) -> None:
     tree, cache = scene_of(tmp_path, ball("uint8"), "plain"), tmp_path / "cache"
     before = picture(tree, cache)
