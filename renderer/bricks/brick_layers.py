@@ -37,18 +37,18 @@ class BrickLayer:
         return self.shading is not None and self.shading.cut_faces and self.bricks.volume.colors is None
 
     @cached_property
-    def own_texels(self) -> VoxelTexels | None:
-        """Return how texels of level 0 may be voxels as the file has them; None if they may not."""
+    def voxel_texels(self) -> VoxelTexels | None:
+        """Return the form of texels of level 0 that are voxels; None if they must be float32."""
         return voxel_texels(self.bricks)
 
     def texel_floats(self, *, keeps_voxels: bool) -> int:
         """Return the number of floats, or of words of four bytes, that the texels of a brick of level 0 take.
 
-        keeps_voxels: whether texels are voxels where they may be.
+        keeps_voxels: whether texels are voxels where they can be.
         """
-        if keeps_voxels and self.own_texels is not None:
+        if keeps_voxels and self.voxel_texels is not None:
             side = PADDED_BRICK_SIZE + (2 * HALO if self.shading else 0)  # gradients need one more voxel on each side
-            return side**3 * self.own_texels.num_bytes // 4
+            return side**3 * self.voxel_texels.num_bytes // 4
         has_channels = self.shading is not None or self.bricks.volume.colors is not None
         return PADDED_BRICK_SIZE**3 * (4 if has_channels else 1)
 

@@ -53,7 +53,9 @@ STEP_EXPONENT = 0.4
 # The step error estimate of samples near a face that clipping cuts, where light changes within FACE_DEPTH voxels.
 FACE_STEP_ERROR = 0.05
 
-# Texels are kept as voxels if a picture takes fewer samples of a voxel than this.
+# Texels are kept as voxels if a picture takes fewer samples of a voxel than this. On a ball of noise, 128^3 uint8, with
+# 0.5, 1, 2 and 4 samples of a voxel, a frame takes 0.87, 0.97, 1.2 and 1.3 of its time with texels of float32 if it is
+# lit, and 0.94, 1, 1.05 and 1.1 if not. The first frame, which makes the texels, takes 0.3, 0.7, 0.6 and 1.1 if lit.
 _MAX_SAMPLES_OF_VOXEL = 1.0
 
 

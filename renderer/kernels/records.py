@@ -27,12 +27,12 @@ class Voxels(NamedTuple):
 
 
 class VoxelTexels(NamedTuple):
-    """How texels are voxels as the file has them. The bit of a sign is turned, so that texels ascend as scalars do."""
+    """The form of texels that are voxels as the file has them, but for an inverted sign: texels ascend as scalars do."""
 
     # The size of a voxel, 1 or 2.
     num_bytes: int
-    # The bits that are turned in a voxel's bit pattern.
-    turned: int
+    # The bit of the sign in a voxel, which texels have inverted; 0 if voxels have no sign.
+    sign_bit: int
     # The scalar of texel 0; those of other texels follow it, one by one.
     lowest: int
     # The normalized scalar of a texel is its scalar less the first one of TexelRules, times this, rounded to float32.
@@ -59,8 +59,8 @@ class TexelRules(NamedTuple):
     opacities: NDArray[np.float64]
     # Whether samples have gradients. They follow the scalars of a brick, or are made from texels that are voxels.
     is_lit: bool
-    # How texels are voxels; None if they are scalars.
-    own: VoxelTexels | None
+    # The form of texels that are voxels; None if texels are float32.
+    voxel_texels: VoxelTexels | None
 
 
 class Grid(NamedTuple):

@@ -86,7 +86,7 @@ def test_texels_that_are_voxels_draw_the_same_bytes(
         volume = placed((low + 140 * hills(shape, 9.0)).astype(dtype), AFFINES[affine])
         bricks = bricks_of(volume, transfer_of(*points), shading)
         batch = batch_of(level_cut(bricks, 0), bricks, step=0.3, shading=shading)
-        assert batch.keeps_voxels and batch.bricks.layers[0].own_texels is not None
+        assert batch.keeps_voxels and batch.bricks.layers[0].voxel_texels is not None
         pictures = []
         for each in (batch, replace(batch, samples_per_voxel=np.inf)):
             for view in (view_of(volume, "perspective", (40, 30)), view_of(volume, "inside", (40, 30), azimuth=200.0)):

@@ -117,7 +117,8 @@ class BrickCache:
 
     threads: the threads that compute the texels of bricks.
     num_bytes: the memory that each atlas may take, in the order of `needed_bytes`.
-    keeps_voxels: whether texels are voxels where they may be; otherwise they are scalars, and gradients with light.
+    keeps_voxels: whether texels of level 0 are voxels where they can be; otherwise they are scalars, with light also
+        gradients.
     scalars: an atlas for each layer, with its bricks of level 0.
     means: an atlas for the bricks of the levels above, with means over all layers.
     """
@@ -338,5 +339,5 @@ def _rules_of(layer: BrickLayer, *, keeps_voxels: bool) -> TexelRules:
         layer.bricks,
         lit=shading is not None,
         toward_light=toward_light(shading) if shading and is_turned else NO_LIGHT,
-        own=layer.own_texels if keeps_voxels else None,
+        kept=layer.voxel_texels if keeps_voxels else None,
     )

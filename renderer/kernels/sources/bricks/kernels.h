@@ -65,12 +65,12 @@ struct AddNodes {
 };
 KERNEL(add_nodes, AddNodes)
 
-// How texels are voxels as the file has them. The bit of a sign is turned, so that texels ascend as scalars do.
+// The form of texels that are voxels as the file has them, but for an inverted sign: texels ascend as scalars do.
 struct VoxelTexels {
     // The size of a voxel, 1 or 2.
     int64_t num_bytes;
-    // The bits that are turned in a voxel's bit pattern.
-    int64_t turned;
+    // The bit of the sign in a voxel, which texels have inverted; 0 if voxels have no sign.
+    int64_t sign_bit;
     // The scalar of texel 0; those of other texels follow it, one by one.
     int64_t lowest;
     // The normalized scalar of a texel is its scalar less the first one of TexelRules, times this, rounded to float32.
@@ -96,8 +96,8 @@ struct TexelRules {
     Array<const double, 1> opacities;
     // Whether samples have gradients. They follow the scalars of a brick, or are made from texels that are voxels.
     bool is_lit;
-    // How texels are voxels; None if they are scalars.
-    Maybe<VoxelTexels> own;
+    // The form of texels that are voxels; None if texels are float32.
+    Maybe<VoxelTexels> voxel_texels;
 };
 
 // Make the texels of bricks of level 0.

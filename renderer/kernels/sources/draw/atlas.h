@@ -63,8 +63,8 @@ struct TexelFinder {
         const Array<float, 1> found = offset < 0 ? own : rest_of(atlas->texels, offset);
         const Texels words = {found.data, {found.shape[0]}};
         const auto& rules = atlas->rules;
-        if (rules.exists && rules.value.own.exists) return voxels_of(words, rules.value, atlas->cells[brick]);
-        return {words, nullptr, {}, {}, false};
+        if (rules.exists && rules.value.voxel_texels.exists) return voxels_of(words, rules.value, atlas->cells[brick]);
+        return {words};
     }
 };
 
@@ -83,6 +83,13 @@ inline bool is_consistent(const AtlasTexels& atlas) {
     for (int64_t k = 0; k < atlas.free.shape[0]; k++)
         if (atlas.free[k] < 0 || atlas.free[k] > atlas.texels.shape[0] - own_size(atlas)) return false;
     return are_complete(atlas.rules.value);
+}
+
+// Return whether texels that kernels make have everything that samples read. gradients, numbers: whether samples read
+// gradients, and whether they read the bits of float32 numbers.
+inline bool have(const AtlasTexels& atlas, bool gradients, bool numbers) {
+    const auto& rules = atlas.rules;
+    return !rules.exists || ((rules.value.is_lit || !gradients) && !(rules.value.voxel_texels.exists && numbers));
 }
 
 // Return whether a brick of voxels shows nothing, is in the atlas, or can be made. num: the number of floats that a brick

@@ -254,6 +254,7 @@ Status draw_extremes(const DrawExtremes* arguments) {
     const AtlasTexels& voxels = arguments->voxels;
     if (!match(arguments->tops, grid.rectangles, arguments->boxes, voxels.offsets) || !is_consistent(voxels))
         return OUT_OF_BOUNDS;
+    if (!have(voxels, false, arguments->rules.has_absent)) return OUT_OF_BOUNDS;
     if (!is_consistent(grid, tiles, [&](int64_t brick) { return can_be_drawn(voxels, brick, TEXELS_PER_BRICK); }))
         return OUT_OF_BOUNDS;
     const Tile tile(grid, arguments->rays, MAX_CELLS);

@@ -159,8 +159,7 @@ struct ShownLayers {
 
     // Return the texels of a brick that a ray has met, and those after them.
     INLINE BrickTexels texels(int64_t number, int64_t brick) const {
-        if (is_mean)
-            return {rest_of(fields[number]->means, fields[number]->voxels.offsets[brick]), nullptr, {}, {}, false};
+        if (is_mean) return {rest_of(fields[number]->means, fields[number]->voxels.offsets[brick])};
         return finders_of_fields[number]->texels(brick);
     }
 
@@ -301,6 +300,8 @@ inline bool can_be_drawn(const Field& field, int64_t brick, bool is_mean) {
 // scalar, and for all cells of the light grid.
 inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean) {
     if (!match(field.voxels.offsets, is_mean) || !is_consistent(field.voxels)) return false;
+    bool is_lit = field.light.exists || field.is_lit, needs_numbers = field.is_labels || field.has_absent || field.has_colors;
+    if (!have(field.voxels, is_lit, needs_numbers)) return false;
     const auto& [rows, guide, lowest_visible] = field.pieces;
     int64_t num = rows.shape[0];
     if (num < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;

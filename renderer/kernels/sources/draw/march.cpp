@@ -21,17 +21,17 @@ constexpr int CACHE_LINE_BYTES = 64;
 // Load the visible texels of a brick into the processor's cache while another brick is drawn. On a subsampled grid, each
 // texel is read only a few times, and half of the time would otherwise be spent waiting.
 //
-// side: the number of texels along the side of the brick. texel_bytes: the size of a texel.
-void prefetch_brick(const Box& box, const Texels& texels, int64_t side, int64_t texel_bytes) {
-    int64_t margin = (side - PADDED_BRICK_SIZE) / 2;
+// num_channels: the number of float32 numbers of a texel that is no voxel.
+void prefetch_brick(const Box& box, const BrickTexels& texels, int64_t num_channels) {
+    const int64_t side = texels.side(), around = 2 * texels.margin();
+    const int64_t row_bytes = side * (texels.rules == nullptr ? 4 * num_channels : texels.rules->voxel_texels.value.num_bytes);
     auto first = [&](int axis) { return (int64_t)((box.low[axis] - box.corner[axis]) * box.scale + TEXEL_OFFSET); };
     auto end = [&](int axis) {
         int64_t last = (int64_t)((box.high[axis] - box.corner[axis]) * box.scale + TEXEL_OFFSET + 1);
-        return least(last + 2 * margin, side - 1) + 1;
+        return least(last + around, side - 1) + 1;
     };
-    int64_t row_bytes = side * texel_bytes;
     for (int64_t plane = first(2); plane < end(2); plane++) {
-        const char* of_plane = (const char*)texels.data + plane * side * row_bytes;
+        const char* of_plane = (const char*)texels.words.data + plane * side * row_bytes;
         for (int64_t at = first(1) * row_bytes; at < end(1) * row_bytes; at += CACHE_LINE_BYTES)
             __builtin_prefetch(of_plane + at);
     }
@@ -166,12 +166,9 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
             int64_t following = grid.numbers[k + 1];
             shown.choose(following);
             for (int64_t layer = 0; layer < shown.num; layer++)
-                if (shown.has_texels(layer, following)) {
-                    const auto [words, rules, low, high, is_at_border] = shown.texels(layer, following);
-                    int64_t side = rules == nullptr ? PADDED_BRICK_SIZE : voxel_side(*rules);
-                    int64_t texel_bytes = rules == nullptr ? (shown.has_means(layer) ? 16 : 4) : rules->own.value.num_bytes;
-                    prefetch_brick(box_of(boxes, following), words, side, texel_bytes);
-                }
+                if (shown.has_texels(layer, following))
+                    prefetch_brick(box_of(boxes, following), shown.texels(layer, following),
+                                   shown.has_means(layer) ? 4 : 1);
         }
         int64_t brick = grid.numbers[k];
         shown.choose(brick);

@@ -1,25 +1,31 @@
 // Sample bricks whose texels are voxels as the file has them, of 8 or 16 bits. Each lane has a sample of its own.
 //
-// Scalars and gradients get the same bytes as where texels are float32 numbers (bricks/brick_texels.cpp), from the same
-// voxels: a brick takes a quarter of the memory without light, and a twelfth with light.
+// Scalars and gradients have the same bytes as those of texels that are float32 numbers (bricks/brick_texels.cpp). A brick
+// of voxels of 8 bits takes a quarter of their memory without light, and a twelfth with light.
 #pragma once
 #include "draw/sample.h"
 
-// The texels of a brick of voxels or of means, as samples read them.
+// The texels of a brick, as samples read them.
 struct BrickTexels {
-    // The texels, as float32 numbers or as words of four bytes that hold voxels, and those after them.
+    // The texels, and those after them: float32 numbers, or words of four bytes that hold voxels.
     Texels words;
-    // The rules by which the texels were made, if they are voxels; otherwise null.
-    const TexelRules* rules;
-    // The first and the last voxel of the volume along each axis, counted in texels of the brick without a second halo.
-    int32_t low[3], high[3];
+    // The rules by which texels were made that are voxels; null if texels are float32 numbers.
+    const TexelRules* rules = nullptr;
+    // The first and the last voxel of the volume along each axis, counted in texels of a brick with a halo of one.
+    int32_t low[3] = {}, high[3] = {};
     // Whether a sample in the brick may need a gradient at the border of the volume.
-    bool is_at_border;
+    bool is_at_border = false;
+
+    // Return the number of texels along the side of the brick.
+    INLINE int32_t side() const { return rules == nullptr ? (int32_t)PADDED_BRICK_SIZE : (int32_t)voxel_side(*rules); }
+
+    // Return the number of texels of the halo beyond one.
+    INLINE int32_t margin() const { return (side() - (int32_t)PADDED_BRICK_SIZE) / 2; }
 };
 
 // Return the texels of a brick. cell: the brick, [3] (x, y, z). rules: as in BrickTexels.
 INLINE BrickTexels voxels_of(const Texels& words, const TexelRules& rules, const Array<const int32_t, 1>& cell) {
-    BrickTexels texels = {words, &rules, {}, {}, false};
+    BrickTexels texels = {words, &rules};
     for (int axis = 0; axis < 3; axis++) {
         int64_t low = HALO - BRICK_SIZE * (int64_t)cell[axis];
         int64_t high = low + rules.voxels.raw.shape[2 - axis] - 1;
@@ -35,9 +41,7 @@ INLINE Ints load_words(const Array<const uint8_t, 1>& bytes, Ints places) {
     return __builtin_bit_cast(Ints, joined_rows<0, 1, LANES>(load_word));
 }
 
-// The voxels around samples in a brick.
-//
-// BYTES: the size of a voxel.
+// The voxels around samples in a brick. BYTES: the size of a voxel.
 template <int BYTES>
 struct VoxelRows {
     // The bytes of the texels, and those after them.
@@ -49,35 +53,32 @@ struct VoxelRows {
 
     INLINE VoxelRows(const BrickTexels& texels, const Cell& cell)
         : bytes{(const uint8_t*)texels.words.data, {4 * texels.words.shape[0]}},
-          side((int32_t)voxel_side(*texels.rules)) {
-        int32_t margin = (side - PADDED_BRICK_SIZE) / 2;
-        at = cell.at(side) + (margin * side + margin) * side + margin;
-    }
+          side(texels.side()), at(cell.at(side) + texels.margin() * ((side + 1) * side + 1)) {}
 
-    // Return the place of the row that is `y` and `z` texels away, from its first byte on.
-    INLINE Ints row(int y, int z, int x) const { return (at + (z * side + y) * side + x) * BYTES; }
+    // Return the first byte of the voxel that is `x`, `y` and `z` texels away.
+    INLINE Ints byte_of(int x, int y, int z) const { return (at + (z * side + y) * side + x) * BYTES; }
 
-    // Load the two voxels of a row beside a sample.
+    // Load the two voxels of a row of the cell.
     INLINE void pair(int y, int z, Ints& first, Ints& second) const {
-        Ints word = load_words(bytes, row(y, z, 0));
+        Ints word = load_words(bytes, byte_of(0, y, z));
         constexpr int32_t mask = (1 << 8 * BYTES) - 1;
         first = word & mask, second = word >> 8 * BYTES & mask;
     }
 
-    // Load the two voxels of a row beside a sample, and those before and after them.
+    // Load the two voxels of a row of the cell, and the one before and the one after them.
     INLINE Four<Ints> four(int y, int z) const {
-        Ints word = load_words(bytes, row(y, z, -1));
+        Ints word = load_words(bytes, byte_of(-1, y, z));
         if constexpr (BYTES == 1) return {word & 255, word >> 8 & 255, word >> 16 & 255, word >> 24 & 255};
-        Ints next = load_words(bytes, row(y, z, 1));
+        Ints next = load_words(bytes, byte_of(1, y, z));
         return {word & 65535, word >> 16 & 65535, next & 65535, next >> 16 & 65535};
     }
 };
 
 // Return the scalars of voxels, as texels of float32 have them.
 INLINE Floats scalars_of(Ints voxels, const TexelRules& rules) {
-    const VoxelTexels& own = rules.own.value;
-    auto scalars = __builtin_convertvector(voxels + (int32_t)own.lowest, Vector<double, LANES>);
-    return __builtin_convertvector((scalars - rules.first) * own.slope, Floats);
+    const VoxelTexels& form = rules.voxel_texels.value;
+    auto scalars = __builtin_convertvector(voxels + (int32_t)form.lowest, Vector<double, LANES>);
+    return __builtin_convertvector((scalars - rules.first) * form.slope, Floats);
 }
 
 template <int BYTES>
@@ -92,7 +93,7 @@ INLINE Corners corners_of_voxels(const BrickTexels& texels, const Cell& cell) {
 // Return the scalars of the eight texels around samples.
 INLINE Corners load_corners(const BrickTexels& texels, const Cell& cell) {
     if (texels.rules == nullptr) return load_corners(texels.words, cell.at(PADDED_BRICK_SIZE));
-    if (texels.rules->own.value.num_bytes == 1) return corners_of_voxels<1>(texels, cell);
+    if (texels.rules->voxel_texels.value.num_bytes == 1) return corners_of_voxels<1>(texels, cell);
     return corners_of_voxels<2>(texels, cell);
 }
 
@@ -119,7 +120,7 @@ struct Differences {
 };
 
 // Return the gradient along one world axis at eight corners. m: the row of the matrix from index axes to the world axis.
-INLINE Corners turned(const Differences (&along)[3], const double* m, double scale) {
+INLINE Corners along_world_axis(const Differences (&along)[3], const double* m, double scale) {
     Floats g[8];
     bool is_along_one = false;
     for (int axis = 0; axis < 3; axis++) {
@@ -169,13 +170,13 @@ INLINE Three gradient_of_voxels(const BrickTexels& texels, const Cell& cell, con
         scale *= 0.5;
     }
     const double* m = texels.rules->world_from_gradient;
-    return {interpolate(turned(along, m, scale), shares), interpolate(turned(along, m + 3, scale), shares),
-            interpolate(turned(along, m + 6, scale), shares)};
+    return {interpolate(along_world_axis(along, m, scale), shares), interpolate(along_world_axis(along, m + 3, scale), shares),
+            interpolate(along_world_axis(along, m + 6, scale), shares)};
 }
 
 // Return the gradient at samples, in world axes.
 INLINE Three gradient_at(const BrickTexels& texels, const Cell& cell, const Three& shares) {
     if (texels.rules == nullptr) return sample_gradient(texels.words, cell.at(PADDED_BRICK_SIZE), shares);
-    if (texels.rules->own.value.num_bytes == 1) return gradient_of_voxels<1>(texels, cell, shares);
+    if (texels.rules->voxel_texels.value.num_bytes == 1) return gradient_of_voxels<1>(texels, cell, shares);
     return gradient_of_voxels<2>(texels, cell, shares);
 }
