@@ -27,7 +27,7 @@ class Voxels(NamedTuple):
 
 
 class VoxelTexels(NamedTuple):
-    """The form of texels that are voxels as the file has them, but for an inverted sign: texels ascend as scalars do."""
+    """The form of texels that are voxels. The bit of their sign is inverted, so that texels ascend as scalars do."""
 
     # The size of a voxel, 1 or 2.
     num_bytes: int

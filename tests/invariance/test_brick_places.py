@@ -13,6 +13,7 @@ import pytest
 from brickwork import (
     AFFINES,
     GLOSSY,
+    alone,
     batch_of,
     bricks_of,
     hills,
@@ -24,7 +25,7 @@ from brickwork import (
     view_of,
 )
 
-from renderer.bricks import BrickBatch, ScreenSampling, voxel_texels
+from renderer.bricks import BrickBatch, ScreenSampling, make_brick_batch, texel_rules, voxel_texels
 from renderer.draw import BrickRasterizer
 from renderer.scene import MAX_FIELD_OF_VIEW, MAX_SIDE, ShadingSpec
 from renderer.system import MemoryShare
@@ -96,6 +97,40 @@ def test_texels_that_are_voxels_draw_the_same_bytes(
                     assert cache.keeps_voxels == each.keeps_voxels
         assert pictures[0].max() > 0.1
         assert [picture.tobytes() for picture in pictures[:2]] == [picture.tobytes() for picture in pictures[2:]]
+
+
+def batch_of_bytes(shading: ShadingSpec, voxel_px: float) -> BrickBatch:
+    """Return the bricks of level 0 of a volume of 8 bits, whose voxels are `voxel_px` wide on the picture."""
+    volume = placed((200 * hills((34, 18, 16), 9.0)).astype(np.uint8))
+    bricks = bricks_of(volume, transfer_of((0, (0.9, 0.2, 0.1), 0.0), (200, (0.1, 0.5, 1.0), 0.3)), shading)
+    return make_brick_batch(level_cut(bricks, 0), alone(bricks, shading), tolerance=0.1, voxel_px=voxel_px)
+
+
+@pytest.mark.parametrize(("voxel_px", "num_bytes"), [(0.2, 20**3), (5.0, 4 * 4 * 18**3)])
+def test_texels_are_voxels_where_few_samples_are_taken(voxel_px: float, num_bytes: int) -> None:
+    """Such bricks take less memory; with more samples, gradients are made once for each voxel."""
+    batch = batch_of_bytes(ShadingSpec(), voxel_px)
+    view = view_of(batch.cut.volume, "perspective", (40, 30))
+    with BrickRasterizer() as rasterizer:
+        rasterizer.rasterize([batch], [ordered(batch.cut, view)], view)
+        memory = rasterizer.brick_memory
+        num_means = sum(np.count_nonzero(level.is_visible) for level in batch.bricks.levels[1:])
+        assert memory is not None
+        assert memory.needed == len(batch) * num_bytes + num_means * 4 * 4 * 18**3
+
+
+def test_texels_without_gradients_are_refused_for_light() -> None:
+    batch = batch_of_bytes(ShadingSpec(), 0.2)
+    view = view_of(batch.cut.volume, "perspective", (40, 30))
+    with BrickRasterizer() as rasterizer:
+        order = ordered(batch.cut, view)
+        rasterizer.upload([batch], [order], view)
+        (cache,) = rasterizer.caches.values()
+        layer = batch.bricks.layers[0]
+        cache._rules[:] = [texel_rules(layer.bricks, lit=False, kept=layer.voxel_texels)]
+        cache._brick_view = None
+        with pytest.raises(IndexError, match="draw_tiles"):
+            rasterizer.rasterize([batch], [order], view)
 
 
 @pytest.mark.parametrize("voxels", [hills((8, 8, 8), 5.0), (100 * hills((8, 8, 8), 5.0)).astype(np.float16)])

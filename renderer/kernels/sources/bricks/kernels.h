@@ -65,7 +65,7 @@ struct AddNodes {
 };
 KERNEL(add_nodes, AddNodes)
 
-// The form of texels that are voxels as the file has them, but for an inverted sign: texels ascend as scalars do.
+// The form of texels that are voxels. The bit of their sign is inverted, so that texels ascend as scalars do.
 struct VoxelTexels {
     // The size of a voxel, 1 or 2.
     int64_t num_bytes;
