@@ -18,8 +18,7 @@ constexpr int MAX_SAMPLES = 4095;
 // The number of bytes that the processor loads into its cache at once.
 constexpr int CACHE_LINE_BYTES = 64;
 
-// Load the visible texels of a brick into the processor's cache while another brick is drawn. On a subsampled grid, each
-// texel is read only a few times, and half of the time would otherwise be spent waiting.
+// Load the visible texels of a brick into the processor's cache while another brick is drawn.
 //
 // num_channels: the number of float32 numbers of a texel that is no voxel.
 void prefetch_brick(const Box& box, const BrickTexels& texels, int64_t num_channels) {
@@ -34,6 +33,18 @@ void prefetch_brick(const Box& box, const BrickTexels& texels, int64_t num_chann
         const char* of_plane = (const char*)texels.words.data + plane * side * row_bytes;
         for (int64_t at = first(1) * row_bytes; at < end(1) * row_bytes; at += CACHE_LINE_BYTES)
             __builtin_prefetch(of_plane + at);
+    }
+}
+
+// Prefetch the texels of all layers of a brick that are read only a few times: on a subsampled grid, or if they are voxels.
+// Up to half of the time would otherwise be spent waiting for them.
+void prefetch_layers(ShownLayers& shown, int64_t brick, const Array<const double, 2>& boxes, bool is_subsampled) {
+    shown.choose(brick);
+    for (int64_t layer = 0; layer < shown.num; layer++) {
+        if (!shown.has_texels(layer, brick)) continue;
+        BrickTexels texels = shown.texels(layer, brick);
+        if (is_subsampled || texels.rules != nullptr)
+            prefetch_brick(box_of(boxes, brick), texels, shown.has_means(layer) ? 4 : 1);
     }
 }
 
@@ -162,14 +173,7 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
     if (num_rays == 0) return true;
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         if (is_stopped()) return false;
-        if (grid.stride > 1 && k + 1 < grid.starts[number + 1]) {
-            int64_t following = grid.numbers[k + 1];
-            shown.choose(following);
-            for (int64_t layer = 0; layer < shown.num; layer++)
-                if (shown.has_texels(layer, following))
-                    prefetch_brick(box_of(boxes, following), shown.texels(layer, following),
-                                   shown.has_means(layer) ? 4 : 1);
-        }
+        if (k + 1 < grid.starts[number + 1]) prefetch_layers(shown, grid.numbers[k + 1], boxes, grid.stride > 1);
         int64_t brick = grid.numbers[k];
         shown.choose(brick);
         if (shown.num == 0) continue;
