@@ -36,7 +36,7 @@ COMMANDS = {
     "preview": "Show a scene or a volume on one page, before its film is made.",
     "turntable": "Render turntables of volumes without a scene file.",
     "measure": "Measure the cost and the accuracy of a scene.",
-    "golden": "Keep frames of a scene to compare later ones with.",
+    "golden": "Keep frames of scenes to compare later ones with.",
     "compare": "Compare frames with golden ones; exit with 1 where they differ.",
     "info": "Describe a volume: shape, place, values and histogram.",
 }

@@ -1,83 +1,96 @@
-"""Run `hsplat compare GOLDEN ACTUAL`: compare frames with golden ones, for people and for CI.
+"""Run `hsplat compare`: compare scenes with their goldens, or pictures with others, for people and for CI.
 
-Exit codes: 0 where all frames pass, 1 where one differs, 2 where they could not be compared (see `main.run`).
+Exit codes: 0 if all frames pass, 1 if one fails, 2 if a film could not be compared (see `main.run`).
 """
 
 from __future__ import annotations
 
+import os
+import secrets
 from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.shared_options import quiet_option, takes_scene
-from hsplat_cli.scenes import SceneRequest
-from hsplat_cli.terminal import OutputPath, Reporter, option_group
-from renderer.errors import InputError
-
-_REPORT = OutputPath(dir_okay=False)
-
-
-def _parse_name(_: click.Context, parameter: click.Parameter, name: str) -> Path:
-    """Return the path that an argument names. Raises InputError for an empty name, which an unset shell variable gives.
-
-    An empty name would mean the current folder.
-    """
-    if not name:
-        raise InputError("an empty name", where=parameter.human_readable_name, expected="a file or folder")
-    return Path(name)
-
-
-_SIDES = option_group(
-    click.argument("scene", metavar="GOLDEN", callback=_parse_name), click.argument("actual", callback=_parse_name)
-)
+from hsplat_cli.commands.shared_options import FILE, quiet_option
+from hsplat_cli.terminal import OutputPath, Reporter, VolumePath
+from renderer.errors import HsplatError
 
 
 @click.command()
-@click.option("--level", metavar="LEVEL", help="exact, same-machine (the default) or cross-driver.")
+@click.argument("places", nargs=-1, metavar="[SCENE|FOLDER|PATTERN]...")
 @click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="FIGURE=VALUE",
-    help="Change a limit: largest=4 or flip=none. The figures: largest, p99, flip, ssim, densest and bias.",
+    "--goldens", type=FILE, metavar="FOLDER", help="The folder of all goldens. [default: goldens, beside them]"
 )
-@click.option("--json", "json_file", type=_REPORT, metavar="FILE", help="Write the result of every frame as JSON.")
-@click.option("--junit", "junit_file", type=_REPORT, metavar="FILE", help="Write a JUnit report for CI systems.")
-@click.option("--html", "html_file", type=_REPORT, metavar="FILE", help="Write a page that shows the worst frames.")
-@takes_scene(
-    "For a scene: compare only its goldens in this range.",
-    set_help="For a scene: change a value.",
-    volume_help="For a scene: take the volume from this file.",
-    arguments=_SIDES,
+@click.option("--limit", metavar="LIMIT", help="same bytes, stated accuracy, or decibels, such as 45.")
+@click.option(
+    "--report", type=OutputPath(), metavar="FOLDER", help="Write a page, the pictures that fail, and files for CI."
 )
+@click.option("--frames", metavar="A:B:STEP", help="Compare only these goldens, as a Python slice: ::10, 7, -1.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of all scenes.")
+@click.option("--volume", type=VolumePath(), metavar="FILE", help="Take the volume of all scenes from this file.")
 @quiet_option(help="Print nothing unless a frame fails.")
 def compare(
-    request: SceneRequest,
     *,
-    actual: Path,
-    level: str | None,
-    limits: tuple[str, ...],
-    json_file: Path | None,
-    junit_file: Path | None,
-    html_file: Path | None,
+    places: tuple[str, ...],
+    goldens: Path | None,
+    limit: str | None,
+    report: Path | None,
+    frames: str | None,
+    overrides: tuple[str, ...],
+    volume: Path | str | None,
     reporter: Reporter,
 ) -> None:
     """Compare frames with golden ones; exit with 1 where they differ.
 
-    GOLDEN and ACTUAL are two PNG pictures, two folders of them or templates such as frames/{frame:04}.png, or two
-    films. A file compare.yaml beside the goldens may set limits.
+    The goldens of scenes are drawn again. Without arguments, the scenes are those of golden.yaml in this folder. The
+    exit code is 2 if a scene cannot be compared, or has no goldens.
 
-    They may also be a scene and a folder of goldens that `hsplat golden` made: then the frames are drawn again and
-    compared.
+    Two sets of existing pictures can be compared, too: hsplat compare GOLDEN ACTUAL. Each is a PNG picture, a folder of
+    them, a template such as frames/{frame:04}.png, or a film.
     """
     # Imported here to keep --help fast.
-    from hsplat_cli.compare import ReportFiles, compare_frames, comparison_table
+    from hsplat_cli.compare import (
+        ComparisonRequest,
+        compare as compare_all,
+        comparison_text,
+        error_line,
+        github_error,
+        github_lines,
+        parse_rules,
+        summary_markdown,
+    )
+    from renderer.system import join_lines
 
-    files = {"--json": json_file, "--junit": junit_file, "--html": html_file}
-    reports = ReportFiles({option: path for option, path in files.items() if path})
-    comparison = compare_frames(request, actual, reports, level=level, limits=limits, reporter=reporter)
-    if comparison.passes:
-        reporter.line(comparison_table(comparison))
-    else:
-        reporter.result(comparison_table(comparison))
-        raise click.exceptions.Exit(1)
+    is_on_github = os.environ.get("GITHUB_ACTIONS") == "true"
+    try:
+        rules = parse_rules(frames, limit)
+        request = ComparisonRequest(places, rules, goldens, report, overrides, volume)
+        comparison = compare_all(request, reporter)
+    except HsplatError as error:
+        if is_on_github:
+            reporter.result(github_error(error_line(error)))
+        raise
+    passes = comparison.verdict == "passes"
+    text = comparison_text(comparison)
+    if is_on_github:  # names of files may look like commands of GitHub
+        token = secrets.token_hex()
+        text = join_lines([f"::stop-commands::{token}", *text.splitlines(), f"::{token}::"])
+    (reporter.line if passes else reporter.result)(text)
+    if report is not None:
+        reporter.line(f"report: {report / 'index.html'}")
+    if is_on_github:
+        for line in github_lines(comparison):
+            reporter.result(line)
+        _add_summary(summary_markdown(comparison))
+    if not passes:
+        raise click.exceptions.Exit(2 if comparison.verdict == "not compared" else 1)
+
+
+def _add_summary(text: str) -> None:
+    """Add a text to the summary of a job of GitHub."""
+    from renderer.film import translate_os_errors
+
+    file = os.environ.get("GITHUB_STEP_SUMMARY")
+    if file:
+        with translate_os_errors(Path(file)), Path(file).open("a", encoding="utf-8") as summary:
+            summary.write(text)

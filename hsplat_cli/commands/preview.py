@@ -80,10 +80,10 @@ def preview(
         request = SceneRequest(scene, overrides, volume, content=text.encode())
     job, page = load_job(request, "nothing"), page or Path(f"{name}.html")
     # Imported here to keep --help fast.
-    from hsplat_cli.compare import ReportFiles
     from hsplat_cli.preview import NUM_PARTS, preview_page
+    from hsplat_cli.reports import require_report_name
 
-    ReportFiles({"--output": page}).require_names([*([source] if isinstance(source, Path) else []), *job.input_files()])
+    require_report_name("--output", page, [*([source] if isinstance(source, Path) else []), *job.input_files()])
     require_writable_dry_run(page)
     with locked_files([page]):
         with reporter.progress([1.0] * NUM_PARTS, label="preview", unit="parts") as bar:
@@ -96,8 +96,8 @@ def preview(
 
 def _watch(request: SceneRequest, page: Path, *, serve: bool, reporter: Reporter) -> None:
     """Show a scene on a page until Ctrl-C."""
-    from hsplat_cli.compare import ReportFiles
     from hsplat_cli.preview import file_states, served_states, watch
+    from hsplat_cli.reports import require_report_name
 
     title = request.path.absolute().name
     try:
@@ -106,7 +106,7 @@ def _watch(request: SceneRequest, page: Path, *, serve: bool, reporter: Reporter
                 address, show = stack.enter_context(served_states(title))
             else:
                 inputs = _known_inputs(request)
-                ReportFiles({"--output": page}).require_names(inputs)
+                require_report_name("--output", page, inputs)
                 address, show = str(page), stack.enter_context(file_states(page, title, inputs))
             reporter.line(f"page: {address} (Ctrl-C ends it)")
             watch(request, show)

@@ -62,7 +62,12 @@ from renderer.suggest import FilmOptions
 @executor_options
 @click.option("--force", is_flag=True, help="Draw again, and overwrite scenes that were edited.")
 @quiet_option(help="Print only the table and errors.")
-@click.option("--connection", type=int, hidden=True, help="The socket by which a batch asks its process for films.")
+@click.option(
+    "--connection",
+    type=(int, int),
+    hidden=True,
+    help="The socket by which a batch asks this process for films, and the number of its processes.",
+)
 def turntable(
     *,
     volumes: tuple[str, ...],
@@ -75,7 +80,7 @@ def turntable(
     executor: ExecutorSpec,
     force: bool,
     reporter: Reporter,
-    connection: int | None,
+    connection: tuple[int, int] | None,
 ) -> None:
     """Render turntables of volumes without a scene file.
 
@@ -114,7 +119,7 @@ def turntable(
         )
 
     if connection is not None:
-        make_requested_films(connection, request_of, reporter)
+        make_requested_films(*connection, request_of, reporter)
         return
     requests = [request_of(film_name, volume) for film_name, volume in _named_volumes(volumes, reporter).items()]
     require_harmless(requests)

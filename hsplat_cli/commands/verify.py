@@ -140,10 +140,10 @@ def _prepare_report(path: Path | None, job: FilmJob) -> None:
     """
     if path is None or path == _STDOUT:
         return
-    from hsplat_cli.compare import ReportFiles
+    from hsplat_cli.reports import require_report_name
     from renderer.film import require_writable
 
-    ReportFiles({"--json": path}).require_names([*job.input_files(), *job.written_files.all_files()])
+    require_report_name("--json", path, [*job.input_files(), *job.written_files.all_files()])
     require_writable(path)
 
 

@@ -1,17 +1,18 @@
-"""Compares pictures with golden ones.
+"""Compares pictures with golden ones, and keeps goldens.
 
-In: two sets of pictures, films or a scene and its golden frames, and limits. Out: a verdict for each pair, as a table,
-an HTML report and JUnit. `golden/` keeps golden frames, and records their scene and volume.
+In: scenes and the folders of their goldens, or two sets of pictures, and one limit. Out: a verdict on each film and
+frame, as text, as a report with a page, and for CI; goldens that were drawn, or accepted from a report.
 
-- `comparison.py`: the comparison; `rules.py`: the requested strictness and limits; `outcome.py`: pairs, their verdicts
-  and numbers.
-- `frame_difference.py`: the errors of a picture against its golden frame; `strictness.py`: named limits of these
-  errors, and the metrics that exceed them.
-- `file_pairs.py`: pairs of files; `scene_pairs.py`: pairs of goldens and newly rendered frames; `picture_file.py`:
-  strict PNG reading.
-- `report_files.py`: the reports (terminal, JSON, JUnit); `comparison_html.py`: the page and its pictures.
-- `pytest_plugin.py`: the fixture.
-- `golden/`: `provenance.py` (golden.json), `update.py`.
+- `comparison.py`: the comparison of a project, or of two sets of pictures.
+- `limit.py`: the one limit; `difference.py`: the figures of a difference; `frame_comparison.py`: one frame;
+  `file_pairs.py`: sets of pictures; `picture_file.py`: strict PNG reading.
+- `outcome.py`: the outcomes, which are the record of a report, too.
+- `report_folder.py`: writes a report; `page.py`: its page; `ci_files.py`: its files for CI; `report_source.py`: reads
+  it, from a folder or a ZIP archive; `terminal_text.py`: the same for the terminal.
+- `pytest_plugin.py`: the fixtures and options of pytest; `testing.py`: the work that they do.
+- `golden/`: `project.py` (golden.yaml), `record.py` (golden.json), `golden_folder.py` (changes it as a whole),
+  `drawing.py` (draws a scene's frames), `changes.py` (changed keys), `value_text.py` (their values in
+  words), `scene_comparison.py`, `update.py`, `acceptance.py`.
 """
 
 import lazy_loader

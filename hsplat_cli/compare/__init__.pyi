@@ -1,11 +1,66 @@
-from .comparison import compare_frames as compare_frames
-from .frame_difference import COMPARISON_METRICS as COMPARISON_METRICS, FrameDifference as FrameDifference
-from .golden.provenance import parse_date as parse_date
-from .golden.update import GoldenOptions as GoldenOptions, update_goldens as update_goldens
-from .report_files import ReportFiles as ReportFiles, comparison_table as comparison_table
-from .scene_pairs import load_reproducible_job as load_reproducible_job
-from .strictness import (
-    STRICTNESSES as STRICTNESSES,
-    exceeded_limits as exceeded_limits,
-    severity as severity,
+from .ci_files import (
+    github_error as github_error,
+    github_lines as github_lines,
+    summary_markdown as summary_markdown,
 )
+from .comparison import (
+    ComparisonRequest as ComparisonRequest,
+    compare as compare,
+    error_line as error_line,
+)
+from .golden.acceptance import (
+    Decision as Decision,
+    parse_decision as parse_decision,
+    plan_acceptance as plan_acceptance,
+)
+from .golden.project import SceneRules as SceneRules, find_project as find_project, parse_rules as parse_rules
+from .golden.update import (
+    GoldenOptions as GoldenOptions,
+    GoldenUpdate as GoldenUpdate,
+    plan_update as plan_update,
+    scenes_to_draw as scenes_to_draw,
+    update_goldens as update_goldens,
+)
+from .limit import LIMIT_FIELD as LIMIT_FIELD, Limit as Limit
+from .outcome import ComparedFilm as ComparedFilm, ComparedFrame as ComparedFrame, Comparison as Comparison
+from .report_source import open_reports as open_reports
+from .terminal_text import comparison_text as comparison_text
+from .testing import (
+    accept_goldens as accept_goldens,
+    require_match as require_match,
+    scene_files as scene_files,
+)
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .ci_files import code_quality as code_quality, junit as junit
+from .difference import (
+    PART_PX as PART_PX,
+    Figures as Figures,
+    measure_difference as measure_difference,
+    measure_flip as measure_flip,
+)
+from .frame_comparison import compare_frame as compare_frame
+from .golden.changes import changes_since as changes_since
+from .golden.golden_folder import GoldenFolder as GoldenFolder
+from .golden.record import (
+    GOLDEN_RECORD as GOLDEN_RECORD,
+    Golden as Golden,
+    GoldenPicture as GoldenPicture,
+    GoldenRecord as GoldenRecord,
+    GoldenVolume as GoldenVolume,
+    Origin as Origin,
+    golden_file_name as golden_file_name,
+    picture_digest as picture_digest,
+)
+from .golden.value_text import changed_value as changed_value
+from .outcome import (
+    REPORT as REPORT,
+    Change as Change,
+    Flickers as Flickers,
+    Mistake as Mistake,
+    Nearness as Nearness,
+    ReportPicture as ReportPicture,
+)
+from .page import report_page as report_page
+from .report_source import read_report as read_report, read_report_picture as read_report_picture

@@ -1,147 +1,146 @@
-"""Compares the frames of two paths, for the command line and for tests."""
+"""Compare the scenes of a project with their goldens, or existing pictures with others, and write a report."""
 
 from __future__ import annotations
 
-import contextlib
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from hsplat_cli.compare.comparison_html import Gallery
-from hsplat_cli.compare.file_pairs import open_pairs
-from hsplat_cli.compare.golden.provenance import PROVENANCE_FILE
-from hsplat_cli.compare.outcome import Comparison, Pairs, compare_pair
-from hsplat_cli.compare.picture_file import is_picture
-from hsplat_cli.compare.report_files import ReportFiles, comparison_table
-from hsplat_cli.compare.rules import LIMITS_FILE, Rules, load_rules
-from hsplat_cli.compare.scene_pairs import load_numbered_job, open_scene_pairs
+from hsplat_cli.compare.file_pairs import compare_files, is_picture_set
+from hsplat_cli.compare.golden.project import GoldenProject, SceneRules, find_project, unused_error
+from hsplat_cli.compare.golden.scene_comparison import compare_scene
+from hsplat_cli.compare.limit import SAME_BYTES
+from hsplat_cli.compare.outcome import ComparedFilm, Comparison, Mistake
+from hsplat_cli.compare.report_folder import ReportFolder, open_report
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
-from renderer.errors import HsplatError, InputError
-from renderer.film import folder_files
-from renderer.system import join_lines
-
-# Suffixes of the files of scenes, and of the sidecars of films.
-_SCENE_SUFFIXES = (".yaml", ".yml", ".json")
+from renderer.errors import HsplatError, InputError, SceneError
 
 
-def compare_frames(
-    request: SceneRequest,
-    actual: Path,
-    reports: ReportFiles,
-    *,
-    level: str | None,
-    limits: Sequence[str],
-    reporter: Reporter,
-    option_names: tuple[str, str] = ("--level", "--limit"),
-) -> Comparison:
-    """Compare the frames of two paths and write the reports.
+@dataclass(frozen=True)
+class ComparisonRequest:
+    """A comparison that a command line asks for.
 
-    request, actual: two PNG pictures, folders, templates or films, of which `request` is the golden one; or a scene, or
-    a film's sidecar, and the folder of its goldens.
-    level, limits: the values of `--level` and `--limit`. option_names: the names of these two options in messages.
-
-    Raises HsplatError if the paths cannot be compared.
+    places: scenes, folders, patterns or a golden.yaml; or two sets of pictures, of which the first is golden.
+    rules: the frames and the limit of the options. goldens: the folder of all goldens. report: that of the report.
+    overrides, volume: changes of all scenes, as in SceneRequest.
     """
-    golden = request.path
-    reports.require_names(_input_files(request, actual))
-    with reports.locked():
-        try:
-            reports.prepare()
-            draws = _is_scene(golden)
-            if not draws and _is_scene(actual):
-                hint = f"hsplat compare {actual} {golden}"
-                raise InputError(
-                    "the scene must come first, then the folder of its goldens", where=str(actual), hint=hint
-                )
-            rules = load_rules(actual if draws else golden, level, limits, option_names)
-            if draws:
-                with open_scene_pairs(request, actual, rules, reporter) as pairs:
-                    return _compare(pairs, rules, reports, reporter, (str(actual), f"{golden}, drawn now"))
-            _reject_scene_options(request, actual)
-            with open_pairs(golden, actual) as pairs:
-                return _compare(pairs, rules, reports, reporter, (str(golden), str(actual)))
-        except Exception as error:
-            with contextlib.suppress(HsplatError):  # a report that cannot be written must not hide the reason
-                reports.write_failure(golden, actual, error)
-            raise
+
+    places: Sequence[str] = ()
+    rules: SceneRules = field(default_factory=SceneRules)
+    goldens: Path | None = None
+    report: Path | None = None
+    overrides: Sequence[str] = ()
+    volume: Path | str | None = None
 
 
-def _reject_scene_options(request: SceneRequest, actual: Path) -> None:
-    """Raise InputError for an option that has an effect only if a scene is drawn: two paths of files are compared."""
-    options = {
-        "frames": request.frames,
-        "set": request.overrides,
-        "volume": request.volume,
-    }
-    for option, value in options.items():
-        if value:
-            got = f"{request.path} and {actual}"
-            raise InputError("has no use unless a scene is drawn", where=f"--{option}", got=got)
+def compare(request: ComparisonRequest, reporter: Reporter) -> Comparison:
+    """Compare what a request names, and write its report.
 
-
-def _input_files(request: SceneRequest, actual: Path) -> Iterator[Path]:
-    """Yield all files that a comparison of two paths may read; for a scene with errors, without its volumes."""
-    for side in (request.path, actual):
-        if _is_scene(side):
-            with contextlib.suppress(HsplatError):
-                yield from load_numbered_job(replace(request, path=side)).input_files()
-        folder = side if os.path.isdir(side) else side.parent
-        yield from (side, folder / PROVENANCE_FILE, folder / LIMITS_FILE)
-        yield from (file for file in folder_files(folder) if is_picture(file.name))
-
-
-def _is_scene(path: Path) -> bool:
-    return path.suffix.lower() in _SCENE_SUFFIXES and not os.path.isdir(path)
-
-
-def _compare(
-    pairs: Pairs, rules: Rules, reports: ReportFiles, reporter: Reporter, names: tuple[str, str]
-) -> Comparison:
-    """Compare all pairs and write the reports. names: the names of the golden and of the actual side."""
-    rules.require_frames(pairs.names)
-    gallery, outcomes = Gallery(), []
-    with reporter.progress(len(pairs.names), label="comparing") as bar:
-        for pair in pairs.pairs:
-            outcomes.append(compare_pair(pair, rules.limits_for(pair.name)))
-            if "--html" in reports.paths:
-                gallery.add(outcomes[-1], pair)
-            bar.advance()
-    comparison = Comparison(
-        *names, rules.level, outcomes, [*pairs.notes, *rules.notes], pairs.facts, rules.other_limits
-    )
-    reports.write(comparison, gallery)
+    A scene that cannot be compared is an outcome of its own. Raises HsplatError if nothing can be compared at all.
+    """
+    with open_report(request.report, _inputs(request)) as report:
+        pair = _pictures(request)
+        if pair is None:
+            comparison = Comparison(tuple(_scenes(request, report, reporter)), tuple(_arguments(request)))
+        else:
+            comparison = Comparison((_files(pair, request, report, reporter),))
+        report.write(comparison)
     return comparison
 
 
-def require_match(
-    golden: str | Path,
-    actual: str | Path,
-    *,
-    level: str | None = None,
-    limits: Mapping[str, float | None] | None = None,
-    html: str | Path | None = None,
-) -> None:
-    """Raise AssertionError, with the table of `hsplat compare`, if frames exceed their limits.
-
-    The arguments have the same meaning as the arguments of the fixture `assert_frames_match`.
-    """
-    __tracebackhide__ = True  # pytest hides this function, and shows the line of the test
-    overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]
-    try:
-        comparison = compare_frames(
-            SceneRequest(Path(golden)),
-            Path(actual),
-            ReportFiles({} if html is None else {"--html": Path(html)}),
-            level=level,
-            limits=overrides,
-            reporter=Reporter(is_quiet=True),
-            option_names=("level", "limits"),
+def _pictures(request: ComparisonRequest) -> tuple[Path, Path] | None:
+    """Return the two sets of pictures that a request names; None for scenes."""
+    if "" in request.places:  # as of an unset variable
+        raise InputError("an empty name", expected="scenes, or two sets of pictures")
+    pictures = [place for place in request.places if is_picture_set(place)]
+    if not pictures:
+        return None
+    if len(pictures) < len(request.places):
+        raise InputError(
+            "scenes are not compared with pictures",
+            got=" and ".join(request.places),
+            expected="scenes, or two sets of pictures",
+            hint=f"`--goldens {pictures[-1]}` names the folder of all goldens",
         )
-    except HsplatError as error:
-        raise error.with_traceback(None) from None  # its traceback would show only lines of this package
-    if not comparison.passes:
-        page = [] if html is None else [f"the frames: {html}"]
-        lines = [f"{golden} and {actual} do not match", comparison_table(comparison), *page]
-        raise AssertionError(join_lines(lines))
+    if len(pictures) != 2:
+        raise InputError(
+            "pictures are compared in pairs", got=" and ".join(pictures), expected="GOLDEN and ACTUAL, or scenes"
+        )
+    options: dict[str, object] = {"--goldens": request.goldens, "--frames": request.rules.frames}
+    options |= {"--set": request.overrides, "--volume": request.volume}
+    for option, value in options.items():
+        if value:
+            raise InputError("has no use unless scenes are drawn", where=option, got=" and ".join(request.places))
+    golden, actual = map(Path, request.places)
+    return golden, actual
+
+
+def _inputs(request: ComparisonRequest) -> list[Path]:
+    """Return the files and folders that a command line names."""
+    return [Path(each) for each in (*request.places, request.goldens, request.volume) if each is not None]
+
+
+def _arguments(request: ComparisonRequest) -> list[str]:
+    """Return the words by which `hsplat golden` finds the scenes and the goldens of a request."""
+    goldens = [] if request.goldens is None else ["--goldens", str(request.goldens)]
+    return [*request.places, *goldens]
+
+
+def _files(
+    pair: tuple[Path, Path], request: ComparisonRequest, report: ReportFolder, reporter: Reporter
+) -> ComparedFilm:
+    return compare_files(*pair, request.rules.limit or SAME_BYTES, report.pictures(0), reporter)
+
+
+def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter) -> list[ComparedFilm]:
+    """Compare all scenes of a project, one after the other."""
+    project = find_project(request.places, request.goldens, request.rules)
+    films = []
+    for number, scene in enumerate(project.scenes):
+        if len(project.scenes) > 1:
+            reporter.status(f"{scene.name} ({number + 1} of {len(project.scenes)})")
+        of_scene = SceneRequest(scene.file, request.overrides, request.volume, request.rules.frames)
+        store = report.pictures(number)
+        try:
+            film = compare_scene(scene, of_scene, store, _place, reporter)
+        except HsplatError as error:
+            store.drop()
+            limit = str(scene.rules.limit or SAME_BYTES)
+            goldens = _place(scene.folder.path)
+            film = ComparedFilm(
+                scene.name, limit, _place(scene.file), goldens, error=error_line(error),
+                mistakes=tuple(_mistakes(error, scene.file)),
+            )  # fmt: skip
+        films.append(film)
+    return [*films, *_unused(project)]
+
+
+def _place(path: Path) -> str:
+    """Return a path as people name it: relative to the current folder, with forward slashes."""
+    return Path(os.path.relpath(path)).as_posix()
+
+
+def error_line(error: HsplatError) -> str:
+    """Return the text of an error in one line."""
+    return _in_one_line(str(error))
+
+
+def _mistakes(error: HsplatError, file: Path) -> Iterator[Mistake]:
+    """Yield the mistakes in the file of a scene that an error lists. A missing key is told at the first line."""
+    for problem in error.problems if isinstance(error, SceneError) else ():
+        line = (problem.location or "").removeprefix(f"{file}:").partition(":")[0]
+        yield Mistake(_in_one_line(str(replace(problem, location=None))), int(line) if line.isdecimal() else 1)
+
+
+def _in_one_line(text: str) -> str:
+    """Return a message in one line, without the excerpt of a file, whose lines begin with a bar."""
+    return "; ".join(line.strip() for line in text.splitlines() if not line.strip().startswith("|"))
+
+
+def _unused(project: GoldenProject) -> list[ComparedFilm]:
+    """Return an outcome for the goldens that no scene of the project has: a scene was renamed, or removed."""
+    if not project.unused:
+        return []
+    return [ComparedFilm("goldens without a scene", str(SAME_BYTES), error=unused_error(project.unused))]

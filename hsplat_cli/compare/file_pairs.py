@@ -6,10 +6,16 @@ import contextlib
 import re
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
-from hsplat_cli.compare.outcome import Pair, Pairs
+from hsplat_cli.compare.frame_comparison import compare_frame
+from hsplat_cli.compare.limit import Limit
+from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame
 from hsplat_cli.compare.picture_file import MAX_PIXELS, decode_picture, file_content, is_picture, read_picture
+from hsplat_cli.compare.report_folder import PictureStore
+from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import (
     ANY_FRAME_FIELD,
@@ -40,12 +46,71 @@ _FOLDER = "a folder"
 _TEMPLATE = "a template of frames"
 _PICTURE = "a PNG picture"
 _EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two films in one format"
+# The suffixes of scenes, which a folder of pictures lacks.
+_SCENE_SUFFIXES = (".yaml", ".yml")
+# A number in the name of a frame.
+_NUMBER = re.compile("[0-9]{1,9}")
 # Largest number of unreadable frames that a message lists.
 _MAX_ERRORS_SHOWN = 10
 
 
+class _Pair(NamedTuple):
+    """A golden frame and the actual one: uint8 [h, w, 3 or 4], straight alpha; None for a side without the frame."""
+
+    name: str
+    golden: Pixels | None
+    actual: Pixels | None
+
+
+class _Pairs(NamedTuple):
+    """All pairs of two sets of pictures, read one at a time, in the order of `names`.
+
+    Iterating over `pairs` raises InputError if a frame cannot be read. changes: facts that differ between both sides.
+    """
+
+    names: Sequence[str]
+    pairs: Iterator[_Pair]
+    notes: Sequence[str] = ()
+    changes: Sequence[Change] = ()
+
+
+def is_picture_set(place: str) -> bool:
+    """Return whether a place is a picture, a film, a template, or a folder with pictures and without scenes."""
+    path = Path(place)
+    if path.is_dir():
+        return not any(each.suffix.lower() in _SCENE_SUFFIXES for each in folder_files(path))
+    return path.suffix.lower() not in (*_SCENE_SUFFIXES, ".json")
+
+
+def compare_files(golden: Path, actual: Path, limit: Limit, store: PictureStore, reporter: Reporter) -> ComparedFilm:
+    """Compare the pictures of two paths, and keep those of both sides in a report if a frame fails.
+
+    The paths are as in `_open_pairs`. Raises InputError if nothing can be compared.
+    """
+    with _open_pairs(golden, actual) as pairs, reporter.progress(len(pairs.names), label="comparing") as bar:
+        frames = list[ComparedFrame]()
+        for name, old, new in pairs.pairs:
+            frame, file = compare_frame(name, old, new, limit), f"{len(frames):04}.png"
+            number = _NUMBER.findall(name)
+            frames.append(
+                replace(
+                    frame,
+                    frame=int(number[-1]) if number else None,
+                    old=None if old is None else store.add_pixels("old", file, old),
+                    new=None if new is None else store.add_pixels("new", file, new),
+                )
+            )
+            bar.advance()
+    name, changes, notes = f"{golden} and {actual}", tuple(pairs.changes), tuple(pairs.notes)
+    film = ComparedFilm(name, str(limit), changes=changes, notes=notes, frames=tuple(frames))
+    if film.verdict == "passes":
+        store.drop()
+        return film.without_pictures
+    return film
+
+
 @contextlib.contextmanager
-def open_pairs(golden: Path, actual: Path) -> Iterator[Pairs]:
+def _open_pairs(golden: Path, actual: Path) -> Iterator[_Pairs]:
     """Pair the frames of two paths. Raises InputError if nothing can be compared.
 
     Each path is a PNG picture; a folder, whose PNG files are paired by name; a template such as
@@ -175,7 +240,7 @@ def _entries(folder: Path) -> list[Path]:
 
 def _file_pairs(
     goldens: Mapping[str, Path], actuals: Mapping[str, Path], golden: Path, actual: Path, notes: Sequence[str] = ()
-) -> Pairs:
+) -> _Pairs:
     names = sorted({**goldens, **actuals}, key=natural_sort_key)
     both = [name for name in names if name in goldens and name in actuals]
     if not both:
@@ -193,14 +258,11 @@ def _file_pairs(
     if links:
         words = "1 frame of ACTUAL is a link" if len(links) == 1 else f"{len(links)} frames of ACTUAL are links"
         notes = [f"{words} to the golden: {_first_names(links)}", *notes]
-    return Pairs(names, read_pairs(names, goldens, actuals), notes)
+    return _Pairs(names, _read_pairs(names, goldens, actuals), notes)
 
 
-def read_pairs(
-    names: Sequence[str], goldens: Mapping[str, Path], actuals: Mapping[str, Path], *, are_recorded: bool = False
-) -> Iterator[Pair]:
-    """Read the pictures of both sides, by the names of their pairs. are_recorded: whether golden.json
-    lists the goldens.
+def _read_pairs(names: Sequence[str], goldens: Mapping[str, Path], actuals: Mapping[str, Path]) -> Iterator[_Pair]:
+    """Read the pictures of both sides, by the names of their pairs.
 
     Raises SceneError with all pictures that cannot be read.
     """
@@ -212,7 +274,7 @@ def read_pairs(
             unreadable.append(error)
             continue
         if not unreadable:  # after an error, later files are read only to report all errors at once
-            yield Pair(name, *pictures, are_recorded)
+            yield _Pair(name, *pictures)
     if unreadable:
         num_more = len(unreadable) - _MAX_ERRORS_SHOWN
         more = [Problem("", f"... and {counted(num_more, 'more frame')} that cannot be read")] if num_more > 0 else []
@@ -246,7 +308,7 @@ def _pictures(golden: Path | None, actual: Path | None) -> tuple[Pixels | None, 
 
 
 @contextlib.contextmanager
-def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
+def _open_films(golden: Path, actual: Path) -> Iterator[_Pairs]:
     if is_same_file(golden, actual):
         raise _same_files_error(actual)
     num_goldens, num_actuals = (count_film_frames(film, MAX_PIXELS) for film in (golden, actual))
@@ -266,8 +328,9 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
         "only the pictures of films are compared, not their timing",
     )
     with decode_film(golden, MAX_PIXELS) as goldens, decode_film(actual, MAX_PIXELS) as actuals:
-        accuracies = _recorded_accuracy(golden) or "not known", _recorded_accuracy(actual) or "not known"
-        yield Pairs(names, map(Pair, names, goldens, actuals), notes, {"accuracy": accuracies})
+        was, now = (_recorded_accuracy(film) or "not known" for film in (golden, actual))
+        changes = [] if was == now else [Change("accuracy", was, now)]
+        yield _Pairs(names, map(_Pair, names, goldens, actuals), notes, changes)
 
 
 def _recorded_accuracy(film: Path) -> str:

@@ -21,14 +21,17 @@ if TYPE_CHECKING:
 
 
 @contextlib.contextmanager
-def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: FilmScene) -> Iterator[Executor]:
+def open_executor(
+    spec: ExecutorSpec, reporter: Reporter, scene: FilmScene, num_processes: int = 1
+) -> Iterator[Executor]:
     """Open an executor that can draw this scene.
 
+    num_processes: the number of processes of this machine that draw at once, and share the memory for bricks.
     Raises RenderError where the scene needs OpenGL and this process has none, and InputError where no scheduler
     answers.
     """
     if spec.scheduler is None:
-        with open_local_executor(scene, MemoryShare(spec.memory)) as local:
+        with open_local_executor(scene, MemoryShare(spec.memory, num_processes)) as local:
             yield local
         return
     from hsplat_cli.executors.cluster.connection import connect

@@ -4,7 +4,7 @@ In: a template's name and its values, pictures, curves, numbers. Out: the text o
 numbers as text with significant digits only.
 
 - `html.py`: templates, and pictures in a page; `charts.py`: axes, curves and labels, drawn as SVG by `chart.html`;
-  `number_format.py`: significant digits. `templates/`: jinja templates.
+  `number_format.py`: significant digits; `report_name.py`: checks the name of a report. `templates/`: jinja templates.
 """
 
 import lazy_loader

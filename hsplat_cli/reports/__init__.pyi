@@ -26,3 +26,4 @@ from .number_format import (
     ms_text as ms_text,
     short_count_text as short_count_text,
 )
+from .report_name import require_report_name as require_report_name

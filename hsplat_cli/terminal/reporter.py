@@ -56,6 +56,10 @@ class Reporter:
         """Print a warning or an error on the standard error stream, also when quiet."""
         click.echo(printable(text), err=True)
 
+    def relay(self, content: bytes) -> None:
+        """Print on the standard error stream the text that another process of the same command has printed."""
+        click.echo(content, nl=False, err=True)
+
     def progress(
         self, steps: int | Sequence[float], *, label: str, unit: str = "frames"
     ) -> AbstractContextManager[Progress]:

@@ -33,7 +33,8 @@ class FilmRequest:
     film: the options by which a scene is suggested. scene: the path of the film's scene file. output: the path of the
     film. look: the look of another scene; None to suggest one. force: an edited scene may be overwritten, and finished
     frames are drawn again. command: the command line that makes this film alone. problem: an error that is known before
-    the volume is read, and that prevents the film.
+    the volume is read, and that prevents the film. num_processes: the number of processes of this machine that make
+    films at once.
     """
 
     volume: VolumeSpec
@@ -45,6 +46,7 @@ class FilmRequest:
     command: str = ""
     look: SharedLook | None = None
     problem: InputError | None = None
+    num_processes: int = 1
 
     @property
     def outputs(self) -> OutputSpec:
@@ -97,7 +99,7 @@ class FilmRequest:
 
         inputs: the states of the film's input files, taken before the files were read.
         """
-        request = repr(replace(self, force=False, command=""))
+        request = repr(replace(self, force=False, command="", num_processes=1))
         made = file_states(self.film_files.all_files())
         return Fingerprint.of(request=request, program=_program(), inputs=inputs, made=made)
 

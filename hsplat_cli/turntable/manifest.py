@@ -154,7 +154,8 @@ def update_manifest(
             left_out = f"{counted(num_left_out, 'record')} left out: damaged, or of another version of hsplat"
             reporter.warning(f"{folder / MANIFEST_FILE}: {left_out}")
         kept = {name: film for name, film in films.items() if name in changed or _is_current(folder, film)}
-        updated = replace(stored, films=tuple((kept | changed).values()))
+        # In the order of their names, since films that are made at the same time are finished in any order.
+        updated = replace(stored, films=tuple(film for _, film in sorted((kept | changed).items())))
         MANIFEST.write(folder / MANIFEST_FILE, updated)
 
 

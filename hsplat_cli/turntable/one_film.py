@@ -87,7 +87,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     from renderer.record import round_decibels, round_seconds, visibility_text
 
     job = FilmJob(scene, range(scene.num_frames), accuracy_of(scene.error))
-    open_this = partial(open_executor, request.executor, reporter)
+    open_this = partial(open_executor, request.executor, reporter, num_processes=request.num_processes)
     with _TurntableEvents(reporter, request, content, scene.primitive_name) as events:
         result = draw_film(job, open_this, one_pass, events, resumes=not request.force)
     report_film(result, reporter)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from renderer.draw.rasterizer import Rasterizer
 from renderer.scene import FilmScene
-from renderer.system import MemoryShare, num_drawing_threads
+from renderer.system import MemoryShare, num_cores
 
 
 def open_rasterizer(scene: FilmScene, memory: MemoryShare | None = None) -> Rasterizer:
@@ -19,4 +19,4 @@ def open_rasterizer(scene: FilmScene, memory: MemoryShare | None = None) -> Rast
         return RecoveringRasterizer()
     from renderer.draw.bricks.brick_rasterizer import BrickRasterizer
 
-    return BrickRasterizer(num_threads=num_drawing_threads(), memory=memory)
+    return BrickRasterizer(num_threads=num_cores(), memory=memory)

@@ -2,6 +2,7 @@ from .atomic import (
     require_writable as require_writable,
     require_writable_dry_run as require_writable_dry_run,
     staged_files as staged_files,
+    sync_to_disk as sync_to_disk,
     translate_os_errors as translate_os_errors,
     write_staged as write_staged,
 )

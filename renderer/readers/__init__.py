@@ -21,6 +21,7 @@ Sizes are checked before memory is taken, and the checksums of compressed voxels
 - `units.py`: the units of lengths and values, and the axes of the world
 - `steps_in_time.py`: the number and the times of steps
 - `recent_images.py`: a cache of the images that were read last; `kept_levels.py`: levels of stores in the cache folder
+- `volume_files.py`: the files of a volume, and their marks
 - `voxel_colors.py`: components joined into colours
 - `segments.py`: overlapping segments joined into labels, and the segments of 3D Slicer
 - `procedural.py`: volumes from formulas
@@ -38,7 +39,7 @@ Formats that a library parses, in a child process:
 - `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py` (VTK), `hdf5.py` (h5py), `pictures.py` (Pillow): a
   file for each format
 - `store.py` (tensorstore): an image in levels, by the room `stores`
-- `store_blocks.py`: the blocks in which a part of a level of a store is read
+- `store_blocks.py`: the blocks in which a part of a level of a store is read; `level_parts.py`: a level in parts
 - `slice_names.py`: the order of slices in separate files
 - `orientation.py`: turned and mirrored pictures
 

@@ -13,13 +13,14 @@ from .sniff import (
 )
 from .steps_in_time import some_steps as some_steps
 from .store_blocks import Blocks as Blocks
+from .volume_files import header_and_voxel_files as header_and_voxel_files
 from .volume_reading import (
     ReadVolume as ReadVolume,
-    header_and_voxel_files as header_and_voxel_files,
     mix_steps as mix_steps,
     most_level_bytes as most_level_bytes,
     read_part as read_part,
     read_volume as read_volume,
+    state_of_store as state_of_store,
 )
 
 # isort: split

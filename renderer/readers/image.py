@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from renderer.readers.steps_in_time import TimeSteps
+from renderer.readers.store_blocks import Blocks
 from renderer.readers.units import Units
 from renderer.volume import Array, Channel, Float64, Label, VolumeLevel
 
@@ -31,6 +32,7 @@ class Image:
     marks: a text that changes when the metadata of the store do, if it is at a URL.
     is_on_disk: whether `values` are mapped from a temporary file or from an entry of the cache folder, so that they
         take memory only for as long as nothing else needs it.
+    blocks: the blocks of a level of a store that were read; other voxels are 0. None if all were read.
     """
 
     values: Array
@@ -47,3 +49,4 @@ class Image:
     finest_from_index: Float64 | None = None
     marks: str = ""
     is_on_disk: bool = False
+    blocks: Blocks | None = None

@@ -43,6 +43,17 @@ def read_kept(read: Callable[..., Image], place: Path | str, wanted: Mapping[str
     return _find(folder, facts) or image or read()
 
 
+def find_kept(plan: Image, place: Path | str, wanted: Mapping[str, Any]) -> Image | None:
+    """Return a level from the cache folder; None if it is not there. plan: the level, with or without voxels."""
+    folder = cache_folder()
+    return None if folder is None else _find(folder, _facts(lambda **_: plan, place, wanted))
+
+
+def store_state(read_plan: Callable[[], Image], place: Path | str) -> object:
+    """Return facts that change when a store does. read_plan: reads a level without voxels."""
+    return (str(place), store_marks(place)) if isinstance(place, Path) else (place, _stated(read_plan()))
+
+
 def store_marks(place: Path) -> str:
     """Return a text that changes when a file in a store is added, removed or written to. place: a folder or a file."""
     total, folders = 0, [place] if place.is_dir() else []
@@ -68,8 +79,12 @@ def _facts(read: Callable[..., Image], place: Path | str, wanted: Mapping[str, A
     if marks is not None and wanted["level"] is not None:
         return str(place), marks, tuple(wanted.items())
     plan = read(blocks=())  # the level that is taken if none is named depends on the free memory
-    stated = (plan.marks, plan.values.dtype.str, plan.levels, plan.notes)
-    return str(place), marks or stated, tuple(wanted.items()), plan.levels
+    return str(place), marks or _stated(plan), tuple(wanted.items()), plan.levels
+
+
+def _stated(plan: Image) -> object:
+    """Return the metadata of a store, as far as its levels depend on them."""
+    return plan.marks, plan.values.dtype.str, plan.levels, plan.notes
 
 
 def _find(folder: CacheFolder, facts: object) -> Image | None:

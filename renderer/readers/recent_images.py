@@ -48,17 +48,31 @@ class RecentImages:
 
     def get(self, request: ImageRequest, read: Callable[[], Image]) -> Image:
         """Return the kept image of a request, or else read it and keep it. Its values are read-only."""
+        found = self.find(request)
+        return self.keep(request, read()) if found is None else found
+
+    def find(self, request: ImageRequest) -> Image | None:
+        """Return the kept image of a request; None if it is not kept."""
         with self._lock:
             kept = self._images.pop(request.choice, None)
-            if kept is not None and kept[0].marks == request.marks:
-                self._images[request.choice] = request, kept[1]  # now the most recently used one
-                return kept[1]
-        image = read()
+            if kept is None or kept[0].marks != request.marks:
+                return None
+            self._images[request.choice] = request, kept[1]  # now the most recently used one
+            return kept[1]
+
+    def keep(self, request: ImageRequest, image: Image) -> Image:
+        """Keep the image of a request, if there is room for it, in place of an earlier one. Return it, read-only."""
         image.values.flags.writeable = False
         if image.is_on_disk or backing_file(image.values) is None:
             with self._lock:
+                self._images.pop(request.choice, None)
                 self._keep(request, image)
         return image
+
+    def drop(self, request: ImageRequest) -> None:
+        """Keep the image of a request no longer."""
+        with self._lock:
+            self._images.pop(request.choice, None)
 
     def _keep(self, request: ImageRequest, image: Image) -> None:
         most_bytes = self._most_bytes(image.is_on_disk) - image.values.nbytes

@@ -18,7 +18,7 @@ from renderer.readers.affines import NO_SPACING, has_volume
 from renderer.readers.axis_letters import letters_of
 from renderer.readers.components import Chosen, choose
 from renderer.readers.image import Image
-from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.isolation import Host
 from renderer.readers.scaled_values import scaled, scaled_type
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at, steps_at
@@ -136,8 +136,9 @@ def read_levels(store: OpenImage, wanted: Wanted, host: Host) -> Image:
              for each, box in zip(store.levels, boxes, strict=True)]  # fmt: skip
     number, level_note = choose_level(sizes, wanted.level, wanted.most_bytes)
     box = boxes[number]
-    values = _allocate(store, number, box, host, is_sparse=wanted.blocks is not None)
-    _read(store, number, _Target(values, box, layout, chosen), _parts(box, wanted.blocks), host)
+    parts = _parts(box, wanted.blocks)
+    values = _allocate(store, number, box, parts, host)
+    _read(store, number, _Target(values, box, layout, chosen), parts, host)
     slope, intercept = plan.scaling
     units, unit_note = _units(plan.axes, layout)
     turned, axes = _in_body(places[number], plan.axes, layout)
@@ -188,16 +189,15 @@ def _parts(box: Ranges, blocks: Sequence[Any] | None) -> list[Ranges]:
     return [*Blocks.from_plain(*blocks).boxes(box)] if blocks else []
 
 
-def _allocate(store: OpenImage, number: int, box: Ranges, host: Host, *, is_sparse: bool) -> Array:
-    """Return zeros for the voxels [z, y, x] of a box of a level. is_sparse: whether most of them stay zeros."""
+def _allocate(store: OpenImage, number: int, box: Ranges, parts: Sequence[Ranges], host: Host) -> Array:
+    """Return zeros for the voxels [z, y, x] of a box of a level. parts: the boxes that do not stay zeros."""
     level = store.levels[number]
     shape = tuple(end - begin for begin, end in box[::-1])
     host.expect_bytes(_NUM_HELD_CHUNKS * level.dtype.itemsize * math.prod(map(min, level.chunks, level.shape)))
     dtype = _value_type(store, level)
-    if is_sparse:
-        check_size(shape[::-1], dtype)
-        return host.allocate(shape, dtype)
-    return allocate_voxels(host, shape, dtype)
+    check_size(shape[::-1], dtype)
+    host.require_room(dtype.itemsize * sum(math.prod(end - begin for begin, end in part) for part in parts))
+    return host.allocate(shape, dtype)
 
 
 class _Target(NamedTuple):

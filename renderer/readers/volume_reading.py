@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -21,13 +21,15 @@ from renderer.readers.components import are_colors, are_light, choose, select_in
 from renderer.readers.file_errors import errors_about, require_exists, unreadable_error
 from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
-from renderer.readers.kept_levels import read_kept
+from renderer.readers.kept_levels import find_kept, read_kept, store_state
+from renderer.readers.level_parts import read_plan, read_rest, with_blocks
 from renderer.readers.nodata import find_fill_values, mark_absent
-from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages, marks_of
-from renderer.readers.sniff import find_format, find_volume
+from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages
+from renderer.readers.sniff import find_volume
 from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.store_blocks import Blocks
 from renderer.readers.units import units_of
+from renderer.readers.volume_files import ISOLATED, marks_of_volume, marks_with_header
 from renderer.readers.voxel_colors import join_colors
 from renderer.readers.voxel_limits import (
     MAX_VOLUME_BYTES,
@@ -227,23 +229,61 @@ def _finest_affine(image: Image) -> Float64:
 
 
 def read_part(spec: VolumeSpec, blocks: Blocks | None) -> Image | None:
-    """Return a level of a store in which only some blocks are read, placed in the world; other voxels are 0.
+    """Return a level of a store with some of its blocks, placed in the world; other voxels are 0, or those of others.
 
-    The voxels are mapped from a temporary file. blocks: the blocks of the level that the spec names; None to read
-    no voxels. Returns None for a volume that is no store. Raises InputError for damaged stores.
+    The voxels are mapped from a temporary file, or from the cache folder. Blocks that this process has read are not
+    read again. blocks: the blocks of the level that the spec names; None to read no voxels. Returns None for a volume
+    that is no store. Raises InputError for damaged stores.
     """
-    source, time = spec.source, math.floor(spec.time) if isinstance(spec.time, (int, float)) else None
-    if not isinstance(source, (FileSource, UrlSource)) or (isinstance(source, FileSource) and source.steps):
+    found = _store_of(spec)
+    if found is None:
         return None
-    with errors_about(_name(source, time)):
-        place: Path | str = source.url if isinstance(source, UrlSource) else find_volume(require_exists(source.file))[0]
-        if isinstance(place, Path) and not (is_store(place) or is_zipped_store(place)):
-            return None
-        wanted = _wanted(spec, 0 if spec.time == "auto" else time)
-        chosen = () if blocks is None else blocks.to_plain()
-        image = read_isolated("renderer.readers.store:read_store", place, on_disk=True, blocks=chosen, **wanted)
+    with errors_about(str(found)):
+        image = _part(spec, found, blocks)
         assert image.box is not None
         return crop_image(_with_spacing(image, spec)[0], image.box)
+
+
+def state_of_store(spec: VolumeSpec) -> object:
+    """Return facts that change when a store does; their `repr` tells stores apart. None for a volume that is no store.
+
+    Of a store at a URL, only the metadata are known. Raises InputError for damaged stores.
+    """
+    found = _store_of(spec)
+    if found is None:
+        return None
+    with errors_about(str(found)):
+        return store_state(partial(_part, spec, found, None), found)
+
+
+def _store_of(spec: VolumeSpec) -> Path | str | None:
+    """Return the path or the URL of the store of a volume; None for a volume that is no store."""
+    source = spec.source
+    if isinstance(source, UrlSource):
+        return source.url
+    if not isinstance(source, FileSource) or source.steps:
+        return None
+    with errors_about(str(source.file)):
+        place = find_volume(require_exists(source.file))[0]
+        return place if is_store(place) or is_zipped_store(place) else None
+
+
+def _part(spec: VolumeSpec, place: Path | str, blocks: Blocks | None) -> Image:
+    """Return a level of a store with some of its blocks, and those that this process has read before."""
+    time = math.floor(spec.time) if isinstance(spec.time, (int, float)) else None
+    wanted = _wanted(spec, 0 if spec.time == "auto" else time)
+    read = partial(read_isolated, "renderer.readers.store:read_store", place, on_disk=True, **wanted)
+    request = _part_request(spec, place, wanted)
+    part = _RECENT_IMAGES.find(request)
+    if part is None:
+        part = _RECENT_IMAGES.keep(request, read_plan(read))
+    if blocks is None:
+        return part
+    whole = _RECENT_IMAGES.find(_level_request(spec, place, "store", wanted)) or find_kept(part, place, wanted)
+    if whole is not None:
+        return whole
+    more = with_blocks(part, blocks, read)
+    return part if more is part else _RECENT_IMAGES.keep(request, more)
 
 
 def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
@@ -258,19 +298,8 @@ def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
     alike = VolumeSpec(source, component=_component(spec), dataset=spec.dataset, level=spec.level, crop=crop)
     if isinstance(source, UrlSource):
         return _found_fill_values(alike, num_times, ())
-    of_files = chain.from_iterable(map(_marks, source.steps or (source.file,)))
+    of_files = chain.from_iterable(map(marks_with_header, source.steps or (source.file,)))
     return _found_fill_values(alike, num_times, tuple(of_files))
-
-
-def _marks(path: Path, *, with_folder: bool = False) -> Iterator[FileMarks]:
-    """Yield the marks of a file or a folder with a volume, and of all files that its header names.
-
-    with_folder: whether the marks of all files in the folder of a file take the place of the marks of the file itself.
-    Raises InputError for damaged headers.
-    """
-    yield marks_of(path.parent if with_folder and path.is_file() else path)
-    if path.is_file():
-        yield from map(marks_of, header_and_voxel_files(path)[1])
 
 
 @lru_cache(maxsize=16)
@@ -324,8 +353,6 @@ def _load(spec: VolumeSpec, time: int | None) -> Image:
 
 # The modules of readers that are not named after their format; `nrrd.py` has `read_nrrd`, and so on.
 _MODULES = {"npy": "numpy_arrays", "npz": "numpy_arrays", "vtk": "vtk_image"}
-# The formats that large libraries parse, and that are read in a child process.
-_ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
 # The formats with several images or levels, of which only the voxels of a crop are read.
 _IN_PARTS = ("store", "hdf5")
 
@@ -369,7 +396,7 @@ def _load_whole(spec: VolumeSpec, found: Path, form: str, time: int | None) -> I
     component, has_spacing = _component(spec), _has_spacing(spec)
 
     def read() -> Image:
-        if form in _ISOLATED:
+        if form in ISOLATED:
             return read_isolated(reader, found, time=time, component=component, has_spacing_override=has_spacing)
         with errors_about(found):
             image = import_reader(reader)(found, time, component)
@@ -377,7 +404,7 @@ def _load_whole(spec: VolumeSpec, found: Path, form: str, time: int | None) -> I
         return image if stays else replace(image, values=_native_contiguous(image.values))
 
     choice = (found.resolve(), time, component, has_spacing)
-    return _RECENT_IMAGES.get(ImageRequest(spec.source, choice, _marks_of_volume(found, form)), read)
+    return _RECENT_IMAGES.get(ImageRequest(spec.source, choice, marks_of_volume(found, form)), read)
 
 
 def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None) -> Image:
@@ -386,14 +413,30 @@ def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None)
     if form == "hdf5":
         wanted["has_spacing_override"] = _has_spacing(spec)
 
-    def read() -> Image:
-        reader = f"renderer.readers.{form}:read_{form}"
-        read_level = partial(read_isolated, reader, place, on_disk=True, most_bytes=most_level_bytes(), **wanted)
-        return read_kept(read_level, place, wanted) if form == "store" else read_level()
+    reader = f"renderer.readers.{form}:read_{form}"
+    read = partial(read_isolated, reader, place, on_disk=True, **wanted, most_bytes=most_level_bytes())
+    request = _level_request(spec, place, form, wanted)
+    if form != "store":
+        return _RECENT_IMAGES.get(request, read)
+    part = _part_request(spec, place, wanted)
+    # Blocks by which levels were compared are not read again.
+    read_level = partial(read_rest, _RECENT_IMAGES.find(part), read)
+    image = _RECENT_IMAGES.get(request, lambda: read_kept(read_level, place, wanted))
+    _RECENT_IMAGES.drop(part)
+    return image
 
-    marks = () if isinstance(place, str) else _marks_of_volume(place, form)
+
+def _level_request(spec: VolumeSpec, place: Path | str, form: str, wanted: Mapping[str, Any]) -> ImageRequest:
+    """Return the request for an image in a store or in HDF5. wanted: the part of it, as in `Wanted`."""
+    marks = () if isinstance(place, str) else marks_of_volume(place, form)
     choice = (place if isinstance(place, str) else place.resolve(), *wanted.values())
-    return _RECENT_IMAGES.get(ImageRequest(spec.source, choice, marks), read)
+    return ImageRequest(spec.source, choice, marks)
+
+
+def _part_request(spec: VolumeSpec, place: Path | str, wanted: Mapping[str, Any]) -> ImageRequest:
+    """Return the request for a part of a level of a store."""
+    request = _level_request(spec, place, "store", wanted)
+    return replace(request, choice=("part", request.choice))
 
 
 def _wanted(spec: VolumeSpec, time: int | None) -> dict[str, Any]:
@@ -414,45 +457,11 @@ def _has_spacing(spec: VolumeSpec) -> bool:
     return isinstance(spec.source, FileSource) and spec.source.spacing is not None
 
 
-def _marks_of_volume(path: Path, form: str) -> tuple[FileMarks, ...]:
-    """Return the marks of all files with a volume, as far as its header can be read."""
-    marks = list[FileMarks]()
-    with suppress(InputError):  # the reader tells what is wrong with a header
-        # A large library may open any file beside the volume: the slices of its series, or the planes of OME-TIFF.
-        marks.extend(_marks(path, with_folder=form in _ISOLATED))
-    return tuple(marks)
-
-
 def _component(spec: VolumeSpec) -> int | None:
     """Return the component that is read first: 0 for all components and for colours, None if the scene chooses none."""
     if spec.has_colors:
         return 0
     return spec.component if isinstance(spec.component, int) else None
-
-
-def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
-    """Return the file of a volume's header, and the files of voxels that the header names, perhaps its own among them.
-
-    Raises InputError for damaged headers and missing files.
-    """
-    form = find_format(file)
-    if form in ("nrrd", "metaimage"):
-        from renderer.readers import metaimage, nrrd
-
-        with errors_about(file):
-            layout = (nrrd.read_header(file) if form == "nrrd" else metaimage.read_header(file))[1]
-            return file, [part.file for part in layout.parts]
-    if form == "vtk":
-        from renderer.readers.vtk_image import piece_files
-
-        with errors_about(file):
-            return file, piece_files(file)
-    if form == "nifti":
-        from renderer.readers.nifti import find_pair
-
-        header, data = find_pair(file)
-        return header, [data or header]
-    return file, []
 
 
 def crop_image(image: Image, ranges: Ranges) -> Image:

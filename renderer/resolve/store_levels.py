@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from renderer.accuracy import MOST_DB, asked_psnr, psnr, squared_error
+from renderer.cache import NOT_KEPT, KeptArrays, numbers_from_array, numbers_to_array
 from renderer.frame import FilmStage, prepare_stage
-from renderer.readers import most_level_bytes, read_part, read_volume
+from renderer.readers import most_level_bytes, read_part, read_volume, state_of_store
 from renderer.resolve.level_errors import LevelErrors
-from renderer.scene import AnyScene, LayerSpec, LevelChoice, OverFrames, Scene, VolumeSpec
+from renderer.scene import AnyScene, LayerSpec, LevelChoice, OverFrames, Scene, VolumeSpec, first_output, scene_to_dict
 from renderer.system import num_cores
 from renderer.volume import Volume
 
@@ -22,6 +23,11 @@ _SHARE_OF_ERROR = 0.5
 _MARGIN = 1.5
 # A level is not tried if its longest side has fewer voxels than this share of the picture's longer side.
 _LEAST_SIDE = 0.25
+
+# The name of the choices in their entry of the cache folder.
+_CHOICES = "choices"
+# The sections of a scene on which no choice depends. Of the output, all but the name of its file counts.
+_UNSEEN = ("output", "annotation")
 
 # The words for a level that is not larger than the memory allows.
 _FITS = "fits into a quarter of the free memory"
@@ -63,13 +69,46 @@ def with_levels(scene: AnyScene, resolve: Callable[[AnyScene], AnyScene]) -> Any
     first = {key: _choice(store, numbers[key][0], asked, _why_alone(store, most)) for key, store in _by_key(stores)}
     if all(len(each) == 1 for each in numbers.values()):
         return _with_choices(scene, first)
-    film = prepare_stage(resolve(_with_choices(scene, first)), clock=lambda: 0.0, num_threads=num_cores())
-    with film:
-        chosen = {
-            key: _measured_choice(store, film, numbers[key], asked) if len(numbers[key]) > 1 else first[key]
-            for key, store in _by_key(stores)
-        }
+    entry = _kept_choices(scene, stores, numbers, asked)
+    chosen = _kept(entry, stores)
+    if chosen is None:
+        film = prepare_stage(resolve(_with_choices(scene, first)), clock=lambda: 0.0, num_threads=num_cores())
+        with film:
+            chosen = {
+                key: _measured_choice(store, film, numbers[key], asked) if len(numbers[key]) > 1 else first[key]
+                for key, store in _by_key(stores)
+            }
+        entry.keep({_CHOICES: numbers_to_array([chosen[store.key] for store in stores])})
     return _with_choices(scene, chosen)
+
+
+def _kept_choices(
+    scene: AnyScene, stores: Sequence[_OpenStore], numbers: Mapping[Hashable, Sequence[int]], asked: float
+) -> KeptArrays:
+    """Return the entry of the cache folder for the levels of a scene's stores, which depend on all that rays meet.
+
+    Nothing is kept for a scene with volumes in files that are no stores. numbers: the levels that are tried.
+    """
+    layers = scene.map(lambda each: each.layers).at(0)
+    masks = [layer.mask.volume for layer in layers if layer.mask is not None]
+    volumes = {volume for volume in (*(layer.volume for layer in layers), *masks) if isinstance(volume, VolumeSpec)}
+    states = {repr(state_of_store(replace(volume, level=0))) for volume in volumes}
+    if repr(None) in states:
+        return NOT_KEPT
+    tree = scene_to_dict(scene)
+    seen = {key: section for key, section in tree.items() if key not in _UNSEEN}
+    output = {key: value for key, value in first_output(tree).items() if key != "file"}
+    facts = seen, output, sorted(states), [*numbers.values()], asked
+    return KeptArrays.of("choice", facts, max(store.sizes[0] for store in stores))
+
+
+def _kept(entry: KeptArrays, stores: Sequence[_OpenStore]) -> dict[Hashable, LevelChoice] | None:
+    """Return the choices that an earlier process left, by the keys of their stores; None without them."""
+    found = entry.find()
+    if found is None:
+        return None
+    choices = numbers_from_array(found[_CHOICES])
+    return {store.key: LevelChoice(*choice) for store, choice in zip(stores, choices, strict=True)}
 
 
 def _by_key(stores: Sequence[_OpenStore]) -> list[tuple[Hashable, _OpenStore]]:

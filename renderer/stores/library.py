@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 # The bytes of decoded chunks and indices of shards that tensorstore keeps. A box is read once, so that only the chunks
 # at the borders of two slabs, and the indices of shards, are needed twice.
 _CACHE_BYTES = 64 << 20
+# Cached chunks and indices are not asked for again by the next slab, as a store is opened for one reading.
+_ONCE = {"recheck_cached_data": "open", "recheck_cached_metadata": "open"}
 # The number of threads that decode chunks. More threads than cores do not help, and each holds a chunk.
 _NUM_DECODERS = 4
 # The number of local files that are read at a time. Reading waits for the disk, so that these are more than decoders.
@@ -127,6 +129,6 @@ def errors_of_library(what: str, where: str) -> Iterator[None]:
 def open_array(driver: str, kvstore: Mapping[str, Any], options: Mapping[str, Any], context: Any) -> Any:
     """Return an open array that can only be read, with the index 0 as the first one along each axis."""
     library = import_library()
-    spec = {"driver": driver, "kvstore": dict(kvstore), **options}
+    spec = {"driver": driver, "kvstore": dict(kvstore), **_ONCE, **options}
     opened = library.open(spec, context=context, read=True, open=True).result(REQUEST_SECONDS)
     return opened[library.d[:].translate_to[0]]

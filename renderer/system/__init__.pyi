@@ -4,7 +4,7 @@ from .child_processes import (
     exit_with_parent as exit_with_parent,
     open_anonymous_file as open_anonymous_file,
 )
-from .cores import num_cores as num_cores, num_drawing_threads as num_drawing_threads
+from .cores import num_cores as num_cores
 from .interrupts import (
     ctrl_c_stops_kernels as ctrl_c_stops_kernels,
     deferrable_interrupts as deferrable_interrupts,

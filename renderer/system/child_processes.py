@@ -47,14 +47,14 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
             os.close(end)
 
     def start(
-        self, module: str, arguments: Sequence[str], *, pass_fds: Sequence[int] = (), **streams: Any
+        self, module: str, arguments: Sequence[str], *, pass_fds: Sequence[int] = (), **options: Any
     ) -> subprocess.Popen[bytes]:
         """Start a child that runs a Python module as `python -m` does. It can import hsplat, and has no standard input.
 
         The child is in another session: Ctrl-C in the terminal reaches only this process, which then ends the child.
 
-        pass_fds: the file descriptors that the child inherits, under the same numbers. streams: the arguments `stdout`
-            and `stderr` of `subprocess.Popen`. Raises OSError if the child cannot be started.
+        pass_fds: the file descriptors that the child inherits, under the same numbers. options: the arguments `stdout`,
+            `stderr` and `env` of `subprocess.Popen`. Raises OSError if the child cannot be started.
         """
         if not sys.executable:  # Python may be embedded in another program
             raise FileNotFoundError(errno.ENOENT, "sys.executable does not name a Python interpreter")
@@ -67,7 +67,7 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
             return subprocess.Popen(
                 [*command, module, *arguments],
                 stdin=subprocess.DEVNULL,
-                **streams,
+                **options,
                 pass_fds=[child_end, *pass_fds],
                 start_new_session=True,
             )

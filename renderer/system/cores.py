@@ -13,15 +13,15 @@ _OWN = Path("/proc/self/cgroup")
 
 
 def num_cores() -> int:
-    """Return the number of processors that the scheduler and the control group allow this process."""
+    """Return the number of processors that this process may use, and so of the threads that work.
+
+    LP_NUM_THREADS, as for Mesa's software OpenGL, or else the number that the scheduler and the control group allow.
+    """
+    wanted = os.environ.get("LP_NUM_THREADS", "")
+    if wanted.isascii() and wanted.isdecimal() and len(wanted) < 4:
+        return max(1, int(wanted))
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, math.ceil(min(allowed, _quota())))
-
-
-def num_drawing_threads() -> int:
-    """Return the number of threads that draw a picture: LP_NUM_THREADS, as for Mesa's software OpenGL, or all cores."""
-    wanted = os.environ.get("LP_NUM_THREADS", "")
-    return max(1, int(wanted)) if wanted.isascii() and wanted.isdecimal() and len(wanted) < 4 else num_cores()
 
 
 def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OWN) -> set[Path]:

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from subjects import Change, Pixels, Shot, shifted
 
-from hsplat_cli.compare import FrameDifference
-from renderer.bricks import BrickBatch
-from renderer.film import quantize
+from hsplat_cli.compare import measure_difference
+from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch
+from renderer.draw import BrickRasterizer
 from renderer.scene import ControlPoint
 from renderer.splats import GaussianFootprint, SplatBatch
 from renderer.view import screen_rectangles
-from renderer.volume import Bools, Float64, Int64, UInt32
+from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
 Order = UInt32
 
@@ -36,7 +36,7 @@ def _first_seen(shot: Shot, pictures: Iterable[Pixels]) -> Pixels | None:
     """Return the first picture in which the defect can be seen, or the worst one."""
     worst, most = None, -1.0
     for picture in pictures:
-        steps = FrameDifference(shot.golden, picture).largest()
+        steps = measure_difference(shot.golden, picture).largest
         if steps > most:
             worst, most = picture, steps
         if most >= SEEN_LEVELS:
@@ -131,7 +131,7 @@ def _uncorrected_level(shot: Shot) -> Pixels | None:
 
 def _red_too_strong(shot: Shot) -> Pixels:
     """Emit 1 % more red: the picture over nothing is linear in it."""
-    return quantize(shot.frame.radiance * np.float32([1.01, 1, 1, 1]), shot.stage.scene.output.background)
+    return shot.finished(shot.frame.radiance * np.float32([1.01, 1, 1, 1]))
 
 
 def _too_dense(shot: Shot) -> Pixels:
@@ -176,6 +176,66 @@ def _long_steps(shot: Shot) -> Pixels:
 
 def _sampled(shot: Shot, **changes: Any) -> Pixels:
     return shot.drawn_of(replace(shot.batch, screen_sampling=replace(shot.batch.screen_sampling, **changes)))
+
+
+def _halo_off(shot: Shot) -> Pixels:
+    """Fill the far layers of each brick's halo with the last cells of the brick, in place of the neighbour's first."""
+
+    def spoilt(texels: Float32) -> None:
+        for axis in (1, 2, 3):
+            along = np.moveaxis(texels, axis, 0)
+            along[-1] = along[-2]
+
+    return _with_texels(shot, spoilt)
+
+
+def _stale_brick(shot: Shot) -> Pixels | None:
+    """Draw a brick with the texels of another one, whose slot it has taken."""
+    pairs = _random(shot).integers(0, max(1, len(shot.order)), (TRIES, 2)).tolist()
+
+    def spoil(into: int, source: int, texels: Float32) -> None:
+        if max(into, source) < len(texels):
+            texels[into] = texels[source]
+
+    return _first_seen(shot, (_with_texels(shot, partial(spoil, *pair)) for pair in pairs if pair[0] != pair[1]))
+
+
+def _coarse_brick(shot: Shot) -> Pixels | None:
+    """Draw a brick of level 0 with the means of 2 x 2 x 2 cells."""
+
+    def spoil(slot: int, texels: Float32) -> None:
+        if slot < len(texels):
+            inside = texels[slot, 1:-1, 1:-1, 1:-1]
+            means = inside.reshape(8, 2, 8, 2, 8, 2, -1).mean(axis=(1, 3, 5), keepdims=True)
+            inside[:] = np.broadcast_to(means, (8, 2, 8, 2, 8, 2, means.shape[-1])).reshape(inside.shape)
+
+    slots = _random(shot).permutation(len(shot.order))[:TRIES].tolist()
+    return _first_seen(shot, (_with_texels(shot, partial(spoil, slot)) for slot in slots))
+
+
+def _with_texels(shot: Shot, spoil: Callable[[Float32], None]) -> Pixels:
+    """Draw with texels that are changed in place, by a function of the texels of an atlas, [bricks, z, y, x, ...]."""
+    with BrickRasterizer() as rasterizer:
+        shot.draw_list.upload(rasterizer)
+        for cache in rasterizer.caches.values():
+            for atlas in (*cache.scalars, cache.means):
+                length = PADDED_BRICK_SIZE**3 * atlas.num_channels
+                bricks = atlas.texels[: len(atlas.texels) // length * length].reshape(-1, length)
+                # Lit texels of level 0 have all scalars first, and then all gradients.
+                depth = 4 if atlas is cache.means else 1
+                scalars = bricks[:, : depth * PADDED_BRICK_SIZE**3]
+                spoil(scalars.reshape(len(bricks), *3 * [PADDED_BRICK_SIZE], depth))
+        return shot.drawn(shot.draw_list, rasterizer).image
+
+
+def _other_jitter(shot: Shot) -> Pixels:
+    """Draw with the jitter of pixels that are 5 columns and 3 rows away."""
+    right, down = 5, 3
+    (width, height), view = shot.view.size, shot.view
+    lod = shot.draw_list.lod
+    wider = replace(view, size=(width + 2 * right, height + 2 * down))
+    drawn = shot.drawn(replace(shot.draw_list, view=wider, orders=lod.orders(wider)))
+    return shot.finished(np.ascontiguousarray(drawn.radiance[down : down + height, right : right + width]))
 
 
 # Volume and view
@@ -229,7 +289,28 @@ def _grey_point(shot: Shot) -> Pixels | None:
     return shot.drawn(shot.make_draw_list(shot.staged(changed))).image
 
 
+def _label_off(shot: Shot) -> Pixels | None:
+    """Exchange the numbers of a label and the next one."""
+    volume = shot.stage.layers[0].volume
+    if not volume.is_labels:
+        return None
+
+    def renamed(label: int) -> Pixels:
+        values = volume.values.copy()
+        values[volume.values == label], values[volume.values == label + 1] = label + 1, label
+        return shot.drawn(shot.make_draw_list(shot.staged(shot.stage.scene, replace(volume, values=values)))).image
+
+    labels = _random(shot).permutation(np.arange(1, int(volume.values.max())))[:TRIES].tolist()
+    return _first_seen(shot, map(renamed, labels))
+
+
 # Picture
+
+
+def _annotation_shifted(shot: Shot) -> Pixels | None:
+    if not shot.stage.scene.annotation.entries:
+        return None
+    return shot.finished(shot.frame.radiance, shift=1)
 
 
 def _grey_picture(shot: Shot) -> Pixels:
@@ -264,7 +345,7 @@ def _rounded_down(shot: Shot) -> Pixels | None:
         return None
     radiance = shot.frame.radiance.copy()
     radiance[..., :3] -= np.float32(0.5 / 255)
-    return quantize(radiance, shot.stage.scene.output.background)
+    return shot.finished(radiance)
 
 
 def _other_background(shot: Shot) -> Pixels | None:
@@ -272,7 +353,7 @@ def _other_background(shot: Shot) -> Pixels | None:
     if background is None:
         return None
     red, green, blue = (value + 1 / 255 for value in background)
-    return quantize(shot.frame.radiance, (red, green, blue))
+    return shot.finished(shot.frame.radiance, (red, green, blue))
 
 
 def _row_doubled(shot: Shot) -> Pixels:
@@ -334,30 +415,49 @@ def _random(shot: Shot) -> np.random.Generator:
 
 
 DEFECTS = (
-    Change("one splat or brick missing", _one_missing), Change("two overlapping ones swapped", _two_swapped),
-    Change("all in reverse order", _reversed), Change("one level of cells missing", _level_missing),
+    Change("one splat or brick missing", _one_missing),
+    Change("two overlapping ones swapped", _two_swapped),
+    Change("all in reverse order", _reversed),
+    Change("one level of cells missing", _level_missing),
     Change("8 x 8 x 8 voxels missing", _block_missing, of=SplatBatch),
     Change("no opacity correction in one level", _uncorrected_level, of=SplatBatch),
-    Change("red 1 % too strong", _red_too_strong), Change("optical depths 1 % too large", _too_dense),
+    Change("red 1 % too strong", _red_too_strong),
+    Change("optical depths 1 % too large", _too_dense),
     Change("footprints 1 % wider", _wider, of=SplatBatch),
     Change("footprints that end in a step", _ending_in_a_step, of=SplatBatch),
     Change("gaps of 0.1 voxel between bricks", _gaps, of=BrickBatch),
     Change("steps twice as long", _long_steps, of=BrickBatch),
-    Change("pixels interpolated that differ", partial(_sampled, strides=(4, 1), difference_threshold=0.1),
-        of=BrickBatch),
+    Change(
+        "pixels interpolated that differ", partial(_sampled, strides=(4, 1), difference_threshold=0.1), of=BrickBatch
+    ),
     Change("rays that end at a transmittance of 10 %", partial(_sampled, termination_transmittance=0.1), of=BrickBatch),
-    Change("one ray in every pixel", partial(_sampled, contrast_threshold=math.inf), of=BrickBatch),
+    Change("antialiasing lost", partial(_sampled, contrast_threshold=math.inf), of=BrickBatch),
     Change("at most four rays in a pixel", partial(_sampled, spread_threshold=math.inf), of=BrickBatch),
-    Change("volume mirrored", _mirrored), Change("volume half a voxel off", _half_a_voxel_off),
-    Change("camera off by 0.1 degree", _camera_off), Change("shifted by 0.1 px", partial(shifted, pixels=0.1)),
-    Change("shifted by 0.25 px", partial(shifted, pixels=0.25)), Change("one frame repeated", _frame_repeated),
-    Change("tolerance 10 % coarser", _coarser), Change("a grey for a colour of the transfer function", _grey_point),
-    Change("all colours grey", _grey_picture), Change("alpha lost", _alpha_lost),
+    Change("halo off by one cell", _halo_off, of=BrickBatch),
+    Change("a stale brick", _stale_brick, of=BrickBatch),
+    Change("a brick at the wrong level", _coarse_brick, of=BrickBatch),
+    Change("another seed of jitter", _other_jitter, of=BrickBatch),
+    Change("volume mirrored", _mirrored, is_in_scene=True),
+    Change("volume half a voxel off", _half_a_voxel_off),
+    Change("camera off by 0.1 degree", _camera_off),
+    Change("shifted by 0.1 px", partial(shifted, pixels=0.1)),
+    Change("shifted by 0.25 px", partial(shifted, pixels=0.25)),
+    Change("one frame repeated", _frame_repeated),
+    Change("tolerance 10 % coarser", _coarser),
+    Change("a grey for a colour of the transfer function", _grey_point, is_in_scene=True),
+    Change("labels off by one", _label_off, is_in_scene=True),
+    Change("annotation off by one pixel", _annotation_shifted),
+    Change("all colours grey", _grey_picture),
+    Change("alpha lost", _alpha_lost),
     Change("premultiplied for straight alpha", _premultiplied),
-    Change("wrong gamma: a power of 2.2 for sRGB's curve", _wrong_gamma), Change("blue for red", _blue_for_red),
-    Change("rounded down", _rounded_down), Change("background one step brighter", _other_background),
-    Change("one row doubled", _row_doubled), Change("a black tile of 16 x 16 px", _black_tile),
+    Change("wrong gamma: a power of 2.2 for sRGB's curve", _wrong_gamma),
+    Change("blue for red", _blue_for_red),
+    Change("rounded down", _rounded_down),
+    Change("background one step brighter", _other_background),
+    Change("one row doubled", _row_doubled),
+    Change("a black tile of 16 x 16 px", _black_tile),
     Change("noise cluster: 3 steps in 8 x 8 px", _noise_cluster(3)),
     Change("noise cluster: 1 step in 8 x 8 px", _noise_cluster(1)),
-    Change("one pixel off by 3 steps", _one_pixel_off(3)), Change("one pixel off by 8 steps", _one_pixel_off(8)),
-)  # fmt: skip
+    Change("one pixel off by 3 steps", _one_pixel_off(3)),
+    Change("one pixel off by 8 steps", _one_pixel_off(8)),
+)

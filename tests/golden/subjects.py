@@ -9,10 +9,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from golden_cases import SCENE
 
+from hsplat_cli.scenes import SceneRequest, load_job
+from renderer.accuracy import FrameProber, open_prober, psnr
+from renderer.annotation import FilmAnnotation
 from renderer.bricks import BrickBatch, BrickCut
 from renderer.draw import BrickRasterizer, Rasterizer, SplatRasterizer
+from renderer.film import quantize
 from renderer.frame import (
     DrawList,
     Frame,
@@ -25,12 +30,10 @@ from renderer.frame import (
     prepare_stage,
 )
 from renderer.pyramid import Cut, cut_pyramid
-from renderer.scene import Scene, load_scene, tolerance_at
+from renderer.scene import Background, Scene, tolerance_at
 from renderer.splats import SplatBatch
 from renderer.view import View
-from renderer.volume import UInt8, UInt32, Volume
-
-CONFIGS = SCENE.parents[2] / "configs"
+from renderer.volume import Bools, Float32, UInt8, UInt32, Volume
 
 Pixels = UInt8
 
@@ -47,45 +50,55 @@ class Subject:
 
     @property
     def scene(self) -> Scene:
-        """The scene as the command reads it."""
-        return load_scene(self.file, overrides=self.changes, is_single_frame=True)
+        """The scene at its frame, with nothing left open, as the command reads it."""
+        return load_job(SceneRequest(self.file, self.changes), "nothing").scene.at(self.frame)
 
 
-_TRANSPARENT = "output.background=transparent"
-_COARSE = "error.tolerance=0.8"
-_SPLATS = "splat={footprint: gaussian}"
-_SOLID = (
-    "transfer_function={unit: 1.0, points: [{value: 40, color: '#4060c0', opacity: 0}, {value: 90, color: '#40a060',"
-    " opacity: 0.9}, {value: 255, color: '#f0e0c0', opacity: 1}]}"
+_POINTS = (
+    "transfer_function={unit: 1.0, points: [{value: 40, color: '#4060c0', opacity: 0}, {value: 110, color: '#40a060',"
+    " opacity: 0.15}, {value: 170, color: '#e0a040', opacity: 0.3}, {value: 255, color: '#f0e0c0', opacity: 0.9}]}"
 )
+_DEFAULT = "splat=null"
+_GOURAUD = "splat={footprint: gouraud, angular: 6, radial: 2}"
+_TRANSPARENT = "output.background=transparent"
+
+
+def _volume(name: str, shape: str, more: str = "") -> str:
+    return f"volume={{procedural: {{name: {name}, shape: {shape}{more}}}}}"
+
+
+_MEMBRANES = (_volume("cell_membranes", "[56, 48, 40]"), _POINTS, "output.size=[160, 120]")
+_HEART = (_volume("beating_heart", "[40, 40, 40]", ", phase: 0.3"), _POINTS, "output.size=[112, 112]", _TRANSPARENT)
+_NUCLEI = (_volume("cell_nuclei", "[80, 64, 48]"), _POINTS, "error.tolerance=0.1", "output.size=[128, 128]")
+_RINGS = (_volume("marschner_lobb", "[41, 41, 41]"), _POINTS, "error.tolerance=0.08", "camera.distance=55",
+          "output.size=[160, 160]")  # fmt: skip
+_BLOCK = (_volume("engine_block", "[64, 40, 32]", ", seed: 9"), "output.background='#ffffff'", "output.size=[144, 144]")
+_ATLAS = (
+    "volume={procedural: {name: atlas, shape: [40, 36, 32], seed: 5}}",
+    "transfer_function=null",
+    "labels={opacity: 0.6, colors: auto}",
+    "output.size=[128, 128]",
+)
+_ANNOTATION = "annotation={title: Block, time: 'frame {frame}', scale_bar: true, orientation: true, color_bar: true}"
 
 SPLATS = (
-    Subject("turntable", "glass and steel, fine, 96 x 96", SCENE, frame=4),
-    Subject("coarse", "the same as few large cells, 96 x 96", SCENE, (_COARSE,)),
-    Subject("transparent", "the same without a background, 96 x 96", SCENE, (_TRANSPARENT,)),
-    Subject("near_plane", "clipped by the near plane, 96 x 96", SCENE, ("camera.distance=70", "camera.near=66")),
-    Subject("inside", "the eye inside, 160 x 120", SCENE, (
-        "camera.distance=6", "camera.field_of_view=70", "output.size=[160, 120]")),
-    Subject("gouraud", "the paper's footprints, few large cells, 128 x 128", SCENE, (
-        "splat={footprint: gouraud, angular: 6, radial: 2}", _COARSE, "output.size=[128, 128]")),
-    Subject("empty", "a small thing in a large picture, 256 x 256", SCENE, (
-        "camera.distance=900", "output.size=[256, 256]", "output.background='#000000'")),
-    Subject("solid", "opaque and filling the picture, 256 x 256", SCENE, (
-        _SOLID, "camera.distance=60", "output.size=[256, 256]")),
-    Subject("demo", "configs/demo.yaml at a coarser tolerance, 384 x 384", CONFIGS / "demo.yaml", (
-        _SPLATS, "error.tolerance=0.1"), frame=5),
-    Subject("demo_clear", "the same without a background, 192 x 192", CONFIGS / "demo.yaml", (
-        _SPLATS, "error.tolerance=0.1", "output={file: 'x.png', size: [192, 192], background: transparent}"), frame=31),
-    Subject("rings", "configs/marschner_lobb.yaml, 512 x 512", CONFIGS / "marschner_lobb.yaml", (
-        _SPLATS,), frame=11),
-)  # fmt: skip
-
-# The same frames with the default footprint.
-BRICKS = tuple(
-    replace(subject, name=f"bricks_{subject.name}", changes=(*subject.changes, "splat=null"))
-    for subject in SPLATS
-    if subject.name != "gouraud"
+    Subject("membranes", "five hollow cells", SCENE, _MEMBRANES, frame=3),
+    Subject("heart", "a heart without a background", SCENE, _HEART, frame=7),
+    Subject("nuclei", "five filled cells, coarse", SCENE, _NUCLEI, frame=5),
+    Subject("rings", "the signal of Marschner and Lobb, nearer to the eye", SCENE, (*_RINGS, _GOURAUD), frame=2),
 )
+
+# All but `rings` have pixels of several rays.
+BRICKS = (
+    Subject("lit_membranes", "five hollow cells in light", SCENE, (*_MEMBRANES, _DEFAULT, "shading={}"), frame=3),
+    Subject("clear_heart", "a heart without a background", SCENE, (*_HEART, _DEFAULT), frame=7),
+    Subject("coarse_nuclei", "five filled cells, coarse", SCENE, (*_NUCLEI, _DEFAULT), frame=5),
+    Subject("near_rings", "the signal of Marschner and Lobb, nearer to the eye", SCENE, (*_RINGS, _DEFAULT), frame=2),
+    Subject("block", "another engine block before white", SCENE, (*_BLOCK, _DEFAULT), frame=9),
+    Subject("labels", "a ball of 200 labels", SCENE, (*_ATLAS, _DEFAULT), frame=6),
+    Subject("annotated", "the block with a title, a time, bars and axes", SCENE, (
+        *_BLOCK, _DEFAULT, "output.size=[240, 200]", _ANNOTATION), frame=4),
+)  # fmt: skip
 
 
 class Shot:
@@ -158,22 +171,57 @@ class Shot:
         return self.drawn(replace(self.draw_list, lod=lod, view=view, orders=lod.orders(view))).image
 
     def drawn(self, draw_list: DrawList, rasterizer: Rasterizer | None = None) -> Frame:
-        """Draw a frame by the product's own last step."""
-        return draw_frame(draw_list, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
+        """Draw a frame by the product's own last step, with its annotation."""
+        frame = draw_frame(draw_list, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
+        return replace(frame, image=self.finished(frame.radiance))
+
+    def finished(self, radiance: Float32, background: Background | None = None, *, shift: int = 0) -> Pixels:
+        """Return the picture of a radiance: annotated, over a background, by default the scene's, and rounded.
+
+        shift: the distance by which the annotation is too far to the right, in pixels.
+        """
+        output = self.stage.scene.output
+        if self.stage.scene.annotation.entries:
+            radiance = np.roll(radiance, -shift, axis=1)
+            FilmAnnotation(self.stage).draw(radiance, output.kind, self.stage, self.subject.frame, None)
+            radiance = np.roll(radiance, shift, axis=1)
+        return quantize(radiance, output.background if background is None else background)
+
+    @cached_property
+    def _prober(self) -> FrameProber:
+        prober = open_prober(self.stage, 2)
+        assert prober is not None
+        return prober
+
+    @cached_property
+    def _covered(self) -> Bools | None:
+        return FilmAnnotation(self.stage).covered(self.subject.frame, None)
+
+    def stated(self, picture: Pixels) -> float:
+        """Return the accuracy that a picture of this frame states, in dB: the low end of the interval of its probes."""
+        exact = self._prober.exact_pixels(self.subject.frame, picture)
+        return psnr(exact.compare_image(picture, self._covered).samples.interval[1])
+
+    @cached_property
+    def stated_by_golden(self) -> float:
+        """Return the accuracy that the golden states, in dB."""
+        return self.stated(self.golden)
 
 
 @dataclass(frozen=True)
 class Change:
     """A change of a frame's picture.
 
-    make: draws a shot with it; returns None where there is nothing to change. level: the strictest at which it has to
-    pass; None for a defect. of: the splats or bricks that it is made for, unless it is for both.
+    make: draws a shot with it; returns None where there is nothing to change. limit: the strictest limit at which it
+    has to pass; None for a defect. of: the splats or bricks that it is made for, unless it is for both. is_in_scene:
+    whether exact rays have the defect, too, so that the picture states the accuracy of the golden.
     """
 
     name: str
     make: Callable[[Shot], Pixels | None]
-    level: str | None = None
+    limit: str | None = None
     of: type[SplatBatch | BrickBatch] | None = None
+    is_in_scene: bool = False
 
     def __str__(self) -> str:
         return self.name

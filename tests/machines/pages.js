@@ -2,49 +2,9 @@
 //
 // Needs puppeteer-core and axe-core of npm, and hsplat and chromium on the path. FOLDER gets the pages and pictures of
 // the screen, 1300 and 400 pixels wide, light and dark, to be looked at. Ends with 1 where anything is wrong.
-const { execFileSync, spawn } = require("node:child_process");
-const fs = require("node:fs"), path = require("node:path");
-const puppeteer = require("puppeteer-core");
-
-const folder = path.resolve(process.argv[2]), hsplat = process.env.HSPLAT || "hsplat";
-const axe = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
-const wait = (ms) => new Promise((done) => setTimeout(done, ms));
-const run = (...words) => execFileSync(hsplat, words, { cwd: folder });
-let wrong = 0;
-
-function check(what, isRight) {
-  console.log(isRight ? "ok   " : "WRONG", what);
-  if (!isRight) wrong++;
-}
-
-async function open(browser, file, width, scheme) {
-  const page = await browser.newPage();
-  page.errors = [];
-  page.on("console", (message) => message.type() === "error" && page.errors.push(message.text()));
-  page.on("pageerror", (error) => page.errors.push(String(error)));
-  page.on("request", (request) => /^(file|data|blob):/.test(request.url()) || page.errors.push(request.url()));
-  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
-  await page.setViewport({ width, height: 1000 });
-  const start = Date.now();
-  await page.goto(`file://${folder}/${file}`);
-  console.log("     loaded in", Date.now() - start, "ms");
-  await wait(1000);
-  return page;
-}
-
-async function audit(browser, file) {
-  for (const scheme of ["light", "dark"]) for (const width of [1300, 400]) {
-    const page = await open(browser, file, width, scheme);
-    await page.screenshot({ path: `${folder}/${file.replace(".html", "").replace("/", "-")}-${scheme}-${width}.png` });
-    await page.evaluate(axe);
-    const found = (await page.evaluate(() => axe.run())).violations.map((each) => each.id);
-    const isWide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
-    const told = [...found, ...page.errors, ...(isWide ? ["overflow"] : [])];
-    check(`${file} ${scheme} ${width}: ${told.join(", ") || "axe, console and width"}`, !told.length);
-    await page.close();
-  }
-}
-
+const { spawn } = require("node:child_process");
+const fs = require("node:fs");
+const { audit, check, end, folder, hsplat, launch, open, run, wait } = require("./browser.js");
 async function usePreview(browser) {
   const page = await open(browser, "scene.html", 1300, "light");
   const place = () => page.$eval(".window img", (image) => image.style.transform);
@@ -104,7 +64,6 @@ async function useWatch(browser) {
 }
 
 (async () => {
-  fs.mkdirSync(folder, { recursive: true });
   const volume = "procedural: {name: engine_block, shape: [96, 96, 64]}";
   fs.writeFileSync(`${folder}/scene.yaml`, `volume: {${volume}}
 transfer_function: {points: [{value: 60, color: black, opacity: 0}, {value: 200, color: [1, 0.9, 0.8], opacity: 0.5}]}
@@ -117,7 +76,7 @@ output: {file: film.mp4, size: [256, 256]}
   run("measure", "scene.yaml", "--quiet", "--output", "measured");
   const volumes = process.argv.slice(3);
   if (volumes.length) run("turntable", ...volumes, "-o", "films", "--frames", "12", "--size", "128", "--quiet");
-  const browser = await puppeteer.launch({ executablePath: process.env.CHROMIUM || "/usr/bin/chromium", args: ["--no-sandbox", "--disable-gpu", "--allow-file-access-from-files"] });
+  const browser = await launch();
   await audit(browser, "scene.html");
   await usePreview(browser);
   await audit(browser, "measured/index.html");
@@ -126,6 +85,5 @@ output: {file: film.mp4, size: [256, 256]}
     await useGallery(browser);
   }
   await useWatch(browser);
-  await browser.close();
-  process.exit(wrong ? 1 : 0);
+  await end(browser);
 })();

@@ -13,10 +13,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from io import BytesIO
 from pathlib import Path
+from typing import IO
 
 # The path of a request of Google for an object, with the bucket and the key.
 _GOOGLE = re.compile("/storage/v1/b/([^/]*)/o/([^/]*)")
+# The part of a file that a request asks for: from a byte on, to a byte, or the last bytes.
+_PART = re.compile("bytes=([0-9]*)-([0-9]*)")
 # The fault of a server that takes a request and never answers.
 STALL = 0
 
@@ -24,15 +28,17 @@ STALL = 0
 class ServedFolder:
     """A folder that a server serves.
 
-    url: its URL. asked: the paths that were asked for, in order. faults: the status codes of the next answers for
-        paths that end so; None for a broken connection, and STALL for no answer at all. has_ended: whether the server
-        has ended, so that no answer is held back any longer. delay: the seconds before each answer. key: the access
-        key of S3 by which requests have to be signed, empty for none.
+    url: its URL. asked: the paths that were asked for, in order. parts: the same, each with the part of the file that
+        was asked for, empty for all of it. faults: the status codes of the next answers for paths that end so; None
+        for a broken connection, and STALL for no answer at all. has_ended: whether the server has ended, so that no
+        answer is held back any longer. delay: the seconds before each answer. key: the access key of S3 by which
+        requests have to be signed, empty for none.
     """
 
     def __init__(self, url: str) -> None:
         self.url = url
         self.asked: list[str] = []
+        self.parts: list[tuple[str, str]] = []
         self.faults: dict[str, list[int | None]] = {}
         self.has_ended = threading.Event()
         self.delay = 0.0
@@ -51,6 +57,7 @@ class _Handler(SimpleHTTPRequestHandler):
 
     def do_GET(self) -> None:
         self._served.asked.append(self.path)
+        self._served.parts.append((self.path, self.headers.get("range", "")))
         time.sleep(self._served.delay)
         if self._served.key and f"Credential={self._served.key}/" not in self.headers.get("authorization", ""):
             self.send_error(403)
@@ -65,6 +72,21 @@ class _Handler(SimpleHTTPRequestHandler):
                 self.close_connection = True
                 return
         super().do_GET()
+
+    def send_head(self) -> IO[bytes] | BytesIO | None:
+        """Send the head of an answer, and return its body: a file, or the part of one that was asked for."""
+        part = _PART.fullmatch(self.headers.get("range", ""))
+        file = Path(self.translate_path(self.path))
+        if part is None or not file.is_file():
+            return super().send_head()
+        size = file.stat().st_size
+        first = int(part[1]) if part[1] else max(0, size - int(part[2]))
+        content = file.read_bytes()[first : int(part[2]) + 1 if part[1] and part[2] else size]
+        self.send_response(206)
+        self.send_header("Content-Range", f"bytes {first}-{first + len(content) - 1}/{size}")
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        return BytesIO(content)
 
     def translate_path(self, path: str) -> str:
         """Return the file of a path; Google has all of a key, with its slashes, in one part of a path."""

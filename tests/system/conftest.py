@@ -6,6 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from golden_projects import made_project, project
+
+__all__ = ["made_project", "project"]
 
 
 @pytest.fixture

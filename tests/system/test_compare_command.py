@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
-from xml.etree import ElementTree
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,10 +18,7 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from renderer.errors import RenderError
-from renderer.film import encode_png
-
-REPORTS = ("reports/compare.json", "reports/compare.xml", "reports/compare.html")
-WRITE_REPORTS = [word for pair in zip(("--json", "--junit", "--html"), REPORTS, strict=True) for word in pair]
+from renderer.film import decode_png, encode_png
 
 
 @pytest.fixture(autouse=True)
@@ -41,23 +39,55 @@ def paint(name: str, by: int, first: int = 32) -> None:
     Path("actual", name).write_bytes(encode_png(picture))
 
 
+def films() -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads(Path("report/report.json").read_bytes())["films"]
+    return found
+
+
 def test_equal_frames_pass(capsys: pytest.CaptureFixture[str]) -> None:
-    assert compare("golden", "actual", *WRITE_REPORTS) == 0
+    assert compare("golden", "actual", "--report", "report") == 0
     printed = capsys.readouterr()
-    assert printed.out == "12 frames pass at same-machine: 12 the same\n"
+    assert printed.out == "12 frames pass: 12 the same\nreport: report/index.html\n"
     assert printed.err.startswith("comparing: 12/12 frames, ")
-    assert json.loads(Path(REPORTS[0]).read_text())["passes"] is True
-    assert ElementTree.parse(REPORTS[1]).getroot().get("failures") == "0"
-    assert Path(REPORTS[2]).read_text(encoding="utf-8").startswith("<!")
+    assert not Path("report/films").exists()
     assert compare("golden", "actual", "--quiet") == 0
-    printed = capsys.readouterr()
-    assert (printed.out, printed.err) == ("", "")
+    assert capsys.readouterr() == ("", "")
 
 
-def test_levels_and_limits_decide_the_exit_code() -> None:
+def test_frames_that_differ_are_in_the_report() -> None:
+    paint("frame-3.png", 8)
+    Path("actual/frame-5.png").rename("actual/frame-77.png")
+    assert compare("golden", "actual", "--report", "report", "--quiet") == 1
+    (film,) = films()
+    found = {frame["name"]: frame["status"] for frame in film["frames"] if frame["status"] != "same"}
+    assert found == {"frame-3.png": "different", "frame-5.png": "missing", "frame-77.png": "new"}
+    assert [frame["frame"] for frame in film["frames"]] == [*range(12), 77]
+    for frame in film["frames"]:
+        for side, folder in (("old", "golden"), ("new", "actual")):
+            if side in frame:
+                kept = Path("report", frame[side]["file"]).read_bytes()
+                assert np.array_equal(decode_png(kept), decode_png(Path(folder, frame["name"]).read_bytes()))
+
+
+def test_names_of_pictures_are_not_names_in_the_report() -> None:
+    """They may differ in case alone, and hold what a page or an archive cannot name."""
+    for folder, seed in (("golden", 1), ("actual", 2)):
+        shutil.rmtree(folder)
+        write_frames(Path(folder), [smooth(seed)], "a.png")
+        write_frames(Path(folder), [smooth(seed + 3)], "a.PNG")
+        write_frames(Path(folder), [smooth(seed + 6)], "#%20?<b>\n.png")
+    assert compare("golden", "actual", "--report", "report", "--quiet") == 1
+    (film,) = films()
+    kept = [frame[side]["file"] for frame in film["frames"] for side in ("old", "new")]
+    assert len({Path("report", file).read_bytes() for file in kept}) == 6
+    assert all(re.fullmatch(r"films/0/(old|new)/[0-9]+\.png", file) for file in kept)
+
+
+def test_a_limit_decides_the_exit_code() -> None:
     paint("frame-3.png", 1, first=1)
-    assert compare("golden", "actual", "--level", "exact", "--quiet") == 1
-    assert compare("golden", "actual", "--level", "exact", "--limit", "largest=1", "--quiet") == 0
+    assert compare("golden", "actual", "--quiet") == 1
+    assert compare("golden", "actual", "--limit", "60", "--quiet") == 0
+    assert compare("golden", "actual", "--limit", "stated accuracy", "--quiet") == 1, "pictures state none"
 
 
 def test_the_report_says_how_exact_both_films_are() -> None:
@@ -66,61 +96,27 @@ def test_the_report_says_how_exact_both_films_are() -> None:
     for name, tolerance in (("fine", 0.01), ("coarse", 5)):
         change = f"error.tolerance={tolerance}"
         assert main.run(["render", "scene.yaml", "--quiet", "--output", f"{name}.mp4", "--set", change]) == 0
-    assert compare("fine.mp4", "coarse.mp4", "--json", "report.json", "--quiet") == 1
-    accuracy = json.loads(Path("report.json").read_text())["facts"]["accuracy"]
-    values = [float(accuracy[side].split()[2]) for side in ("golden", "actual")]
+    assert compare("fine.mp4", "coarse.mp4", "--report", "report", "--quiet") == 1
+    (change,) = films()[0]["changes"]
+    values = [float(change[side].split()[2]) for side in ("was", "now")]
     assert values[0] > values[1] + 5
     Path("fine.mp4.json").write_bytes(b"{")
     Path("coarse.mp4.json").unlink()
-    assert compare("fine.mp4", "coarse.mp4", "--json", "report.json", "--quiet") == 1
-    accuracy = json.loads(Path("report.json").read_text())["facts"]["accuracy"]
-    assert accuracy == {"golden": "not known", "actual": "not known"}
-
-
-def test_reports_say_why_nothing_was_compared(capsys: pytest.CaptureFixture[str]) -> None:
-    """They replace the reports of an earlier comparison, which passed."""
-    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 0
-    paint("frame-3.png", 8)
-    Path("actual/frame-11.png").write_bytes(Path("actual/frame-11.png").read_bytes()[:-9])
-    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 2
-    message = capsys.readouterr().err.removesuffix("\n")
-    assert message.startswith("actual/frame-11.png: the PNG file is cut off\n")
-    assert json.loads(Path(REPORTS[0]).read_text()) == {
-        "passes": False,
-        "golden": "golden",
-        "actual": "actual",
-        "error": message,
-    }
-    root = ElementTree.parse(REPORTS[1]).getroot()
-    for element in (root, root[0]):
-        assert [element.get(count) for count in ("tests", "failures", "errors")] == ["1", "0", "1"]
-    (case,) = root[0]
-    (error,) = case
-    assert (case.get("name"), error.tag, error.get("message")) == (
-        "could not be compared",
-        "error",
-        "actual/frame-11.png: the PNG file is cut off",
-    )
-    assert error.text == f"{message}\ngolden: golden\nactual: actual"
-    assert not Path(REPORTS[2]).exists()
+    assert compare("fine.mp4", "coarse.mp4", "--report", "report", "--quiet") == 1
+    assert "changes" not in films()[0]
 
 
 @pytest.mark.parametrize("error", [MemoryError(), KeyError("a bug"), RenderError("no GL")])
-def test_reports_say_what_nobody_expected(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+def test_an_error_leaves_no_report(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    """Nor that of an earlier comparison, which passed."""
+
     def fail(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("hsplat_cli.compare.comparison.compare_pair", fail)
-    assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 2
-    assert ElementTree.parse(REPORTS[1]).getroot().get("errors") == "1"
-    assert json.loads(Path(REPORTS[0]).read_text())["passes"] is False
-
-
-def test_reports_that_cannot_be_written_are_found_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hsplat_cli.compare.comparison.compare_pair", None)
-    Path("file").touch()
-    for option, suffix in (("--json", "json"), ("--junit", "xml"), ("--html", "html")):
-        assert compare("golden", "actual", option, f"file/report.{suffix}") == 2
+    assert compare("golden", "actual", "--report", "report", "--quiet") == 0
+    monkeypatch.setattr("hsplat_cli.compare.file_pairs.compare_frame", fail)
+    assert compare("golden", "actual", "--report", "report", "--quiet") == 2
+    assert sorted(path.name for path in Path().iterdir()) == ["actual", "golden"]
 
 
 def test_an_interrupt_leaves_no_report_and_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,8 +128,8 @@ def test_an_interrupt_leaves_no_report_and_no_process(monkeypatch: pytest.Monkey
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("hsplat_cli.compare.comparison.compare_pair", interrupt)
-    assert compare("film.mp4", "copy.mp4", *WRITE_REPORTS) == 130
+    monkeypatch.setattr("hsplat_cli.compare.file_pairs.compare_frame", interrupt)
+    assert compare("film.mp4", "copy.mp4", "--report", "reports/report") == 130
     assert list(Path("reports").iterdir()) == []
     assert marked(mark) == set()
 

@@ -31,8 +31,8 @@ def test_commands(scene_folder: Path, capsys: pytest.CaptureFixture[str]) -> Non
         "render scene.yaml --quiet --progressive --output progressive.mp4",
         "render scene.yaml --quiet --output parts/{frame}.png",
         "assemble parts --output assembled.mp4",
-        "golden scene.yaml goldens --frames 0",
-        "compare scene.yaml goldens",
+        "golden scene.yaml --frames 0",
+        "compare scene.yaml",
         "turntable ramp.npy --output films --frames 1 --size 16",
     ):
         assert in_a_thread(main.run, command.split()) == 0, (command, capsys.readouterr().err)

@@ -220,7 +220,6 @@ def test_pages_of_somebody_else(capsys) -> None:
     commands = {
         "page.html": ["preview", "scene.yaml", "-o", "page.html"],
         "measured/index.html": ["measure", "scene.yaml", "--output", "measured", "--frames", "0"],
-        "report.html": ["compare", "one", "two", "--html", "report.html"],
     }
     for name in ("one", "two", "measured"):
         Path(name).mkdir()
@@ -278,42 +277,10 @@ def test_turntables(output: str, capsys) -> None:
 @pytest.mark.parametrize("options", [[], ["--prune", "--frames", "0"]])
 def test_goldens(options: list[str], capsys) -> None:
     scene_of(None)
-    assert main.run(["golden", "scene.yaml", "goldens", "--quiet"]) == 0
-    scene_of(raw("goldens/frame-0001.png"))
-    source = str(Path("goldens/frame-0001.png").resolve())
-    command = ["golden", "scene.yaml", "goldens", "--update", "--yes", *options]
-    refused(capsys, "goldens/frame-0001.png", source, *command)
-
-
-@pytest.mark.parametrize("source", ["one/0000.png", "two/0000.png", "one/compare.yaml"])
-@pytest.mark.parametrize(
-    "sides", [("one", "two"), ("one/{frame:04}.png", "two"), ("one/0000.png", "two/0001.png"), ("scene.yaml", "one")]
-)
-def test_reports_of_comparisons(source: str, sides: tuple[str, str], capsys) -> None:
-    scene_of(raw("two/0000.png") if sides[1] == "one" else None)
-    for name in ("one/0000.png", "two/0000.png", "two/0001.png", "one/compare.yaml"):
-        raw(name)
-    Path("report.html").hardlink_to(source)
-    found = Path(source).resolve() if sides == ("scene.yaml", "one") and source == "two/0000.png" else source
-    refused(capsys, "report.html", str(found), "compare", *sides, "--html", "report.html")
-
-
-@pytest.mark.parametrize("sides", [("goldens", "scene.yaml"), ("scene.yaml", "goldens")])
-def test_reports_of_comparisons_that_are_refused(sides: tuple[str, str], capsys) -> None:
-    """The sides are in the wrong order, or the frames of the scene cannot be golden."""
-    scene_of(raw("scan.json"), error="seconds: 1")
-    Path("goldens").mkdir()
-    refused(capsys, "scan.json", str(Path("scan.json").resolve()), "compare", *sides, "--json", "scan.json")
-
-
-def test_a_report_beside_a_film(capsys) -> None:
-    scene_of(None)
-    for folder in ("one", "two"):
-        assert main.run(["render", "scene.yaml", "--quiet", "--output", f"{folder}/film.gif"]) == 0
-    before = contents()
-    assert main.run(["compare", "one/film.gif", "two/film.gif", "--json", "two/film.gif.json"]) == 2
-    assert "would overwrite the record of a scene" in capsys.readouterr().err
-    assert contents() == before
+    assert main.run(["golden", "scene.yaml", "--quiet"]) == 0
+    scene_of(raw("goldens/scene/frame-0001.png"))
+    source = str(Path("goldens/scene/frame-0001.png").resolve())
+    refused(capsys, "goldens/scene/frame-0001.png", source, "golden", "scene.yaml", "--update", "--yes", *options)
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def test_frames(named: dict[str, bool]) -> None:
 
 
 def test_goldens(named: dict[str, bool]) -> None:
-    assert main.run(["golden", "scene.yaml", "goldens", "--quiet"]) == 0
+    assert main.run(["golden", "scene.yaml", "--quiet"]) == 0
     for name in ("golden.json", "frame-0000.png", "frame-0001.png"):
         assert named[name]
 

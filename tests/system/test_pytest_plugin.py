@@ -1,9 +1,10 @@
-"""The fixture `assert_frames_match` works in a separate run of pytest, as for a user."""
+"""The fixtures and options of golden frames work in a separate run of pytest, as for a user."""
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 from importlib import metadata
 from pathlib import Path
@@ -11,20 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import CODE, python
-from small_scene import small_scene
+from golden_projects import edit_scene
 
-from hsplat_cli import main
 from renderer.film import encode_png
 
 PLUGIN = "hsplat_cli.compare.pytest_plugin"
 HEAVY = ("numpy", "moderngl", "tifffile", "pydicom", "nibabel", "imageio", "cmap", "click", "yaml", "renderer")
 
-TESTS = """\
+PICTURES = """\
 from pathlib import Path
 
 import pytest
-
-from renderer.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -33,80 +31,187 @@ def early(assert_frames_match):
 
 
 def test_same(early):
-    early("goldens", Path("same"))
+    early("golden", Path("same"))
 
 
 def test_another(assert_frames_match):
-    assert_frames_match("goldens", "other", html="report.html")
+    assert_frames_match("golden", "other", report="report")
 
 
-def test_another_within_limits(assert_frames_match):
-    assert_frames_match("goldens", "other", level="exact", limits={"largest": 20})
-
-
-def test_without_a_limit(assert_frames_match):
-    assert_frames_match("goldens", "other", limits=dict.fromkeys(["largest", "p99", "flip", "bias"]) | {"densest": 200})
+def test_another_within_its_limit(assert_frames_match):
+    assert_frames_match("golden", "other", limit=25)
 
 
 def test_nothing_there(assert_frames_match):
-    with pytest.raises(InputError, match="no such file or folder"):
-        assert_frames_match("goldens", "nowhere")
+    assert_frames_match("golden", "nowhere")
 
 
 def test_a_wrong_limit(assert_frames_match):
-    assert_frames_match("goldens", "same", level="cross", limits={"densest": "many", "largest": "none"})
+    assert_frames_match("golden", "same", limit="roughly")
+"""
+
+# The two lines of the documentation that compare all scenes of a project.
+PAGE = Path(__file__).parents[2] / "docs/golden-frames.md"
+SCENES = PAGE.read_text("utf-8").partition("```python\n")[2].partition("```")[0]
+
+# A conftest.py that leaves a file for each process that has accepted goldens before its tests.
+WHO_ACCEPTED = """\
+import os, sys
+from pathlib import Path
+
+import pytest
 
 
-def test_a_scene(assert_frames_match):
-    assert_frames_match("scene.yaml", "of_scene", level="exact")
+@pytest.hookimpl(trylast=True)
+def pytest_sessionstart():
+    if "hsplat_cli.compare.golden.acceptance" in sys.modules:
+        Path("accepted-" + os.environ.get("PYTEST_XDIST_WORKER", "main")).touch()
 """
 
 
-SCENE = small_scene(shape="8, 8, 8", frames=2, size="16, 16")
-
-
-def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run Python with the hsplat under test, where pytest loads no plugin but ours."""
-    return python(*arguments, folder=folder, PYTEST_DISABLE_PLUGIN_AUTOLOAD="1")
+@pytest.fixture
+def pictures(folder: Path) -> Path:
+    """Return a folder with golden pictures, equal ones, others 9 steps off, and tests."""
+    pixels = np.full((16, 16, 3), 100, np.uint8)
+    for name, levels in (("golden", 0), ("same", 0), ("other", 9)):
+        (folder / name).mkdir()
+        for number in range(2):
+            (folder / name / f"{number}.png").write_bytes(encode_png(pixels + np.uint8(levels)))
+    (folder / "test_frames.py").write_text(PICTURES, encoding="utf-8")
+    return folder
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """Return a folder with goldens, equal frames, others 9 steps off, a scene and its goldens, and tests."""
-    pixels = np.full((16, 16, 3), 100, np.uint8)
-    for name, levels in (("goldens", 0), ("same", 0), ("other", 9)):
-        (tmp_path / name).mkdir()
-        for number in range(2):
-            (tmp_path / name / f"{number}.png").write_bytes(encode_png(pixels + np.uint8(levels)))
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    (tmp_path / "test_frames.py").write_text(TESTS, encoding="utf-8")
-    assert main.run(["golden", str(tmp_path / "scene.yaml"), str(tmp_path / "of_scene"), "--quiet"]) == 0
-    return tmp_path
+def scenes(made_project: Path, folder: Path) -> Path:
+    """Return a folder with a project, its golden.yaml, and a test of each of its scenes."""
+    shutil.copytree(made_project, folder, dirs_exist_ok=True)
+    Path("all").mkdir()
+    Path("scenes/goldens").rename("all/scenes")
+    Path("golden.yaml").write_text("scenes: [scenes/*.yaml]\ngoldens: all\n", "utf-8")
+    Path("test_scenes.py").write_text(SCENES, "utf-8")
+    return folder
 
 
-def test_the_fixture_compares_as_the_command_does(folder: Path) -> None:
-    done = run(folder, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", "-q", "-rA", "test_frames.py")
-    failed = {line.split()[1] for line in done.stdout.splitlines() if line.startswith("FAILED ")}
-    assert failed == {f"test_frames.py::{name}" for name in ("test_another", "test_a_wrong_limit")}, done.stdout
-    assert "5 passed" in done.stdout and "2 failed" in done.stdout
-    assert "AssertionError: goldens and other do not match" in done.stdout
-    assert "0.png  different  largest error of a channel 9 steps, at most 1" in done.stdout
-    assert "2 of 2 frames fail: 2 different" in done.stdout
-    wrong = [line.removeprefix("E").strip() for line in done.stdout.splitlines() if line.startswith("E  ")][-6:]
-    assert wrong == [
-        "renderer.errors.SceneError: level cross: unknown value",
-        "got: 'cross'",
-        "expected: exact, same-machine or cross-driver",
-        "limits densest=many: densest: not a number",
-        "got: 'many'",
-        "expected: a number from 0 to 255 steps, or none",
-    ]
-    assert "rules.py" not in done.stdout and "api.py" not in done.stdout, "pytest shows the test"
-    assert (folder / "report.html").stat().st_size > 0
+def run(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run Python with the hsplat under test, where pytest loads no plugin but ours."""
+    return python(*arguments, folder=folder, PYTEST_DISABLE_PLUGIN_AUTOLOAD="1", **variables)
+
+
+def run_pytest(folder: Path, *arguments: str, **variables: str) -> tuple[int, str]:
+    """Run pytest with the plugin; return its exit code and what it prints."""
+    plugins = ("-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", "-rA")
+    for name in ("CI", "GITHUB_EVENT_NAME", "CI_PIPELINE_SOURCE"):
+        variables.setdefault(name, "")
+    done = run(folder, *plugins, *arguments, **variables)
+    return done.returncode, done.stdout + done.stderr
+
+
+def outcomes(printed: str) -> dict[str, str]:
+    """Return the outcome of each test, by its name."""
+    words = [line.split(" - ")[0].split() for line in printed.splitlines()]
+    return {line[1].partition("::")[2]: line[0] for line in words if line and line[0] in ("PASSED", "FAILED", "ERROR")}
+
+
+def test_the_fixture_compares_as_the_command_does(pictures: Path) -> None:
+    _, printed = run_pytest(pictures, "test_frames.py")
+    assert outcomes(printed) == {
+        "test_same": "PASSED",
+        "test_another": "FAILED",
+        "test_another_within_its_limit": "PASSED",
+        "test_nothing_there": "FAILED",
+        "test_a_wrong_limit": "FAILED",
+    }, printed
+    errors = [line.removeprefix("E").strip() for line in printed.splitlines() if line.startswith("E  ")]
+    figures = "29.0 dB, 29.0 dB in 8 x 8 pixels at 0, 0, largest error 9 steps of 255; wanted: the same stored values"
+    assert f"0.png  different  {figures}" in errors
+    assert "2 of 2 frames fail: 2 different" in errors
+    assert "report: report/index.html" in errors
+    assert "AssertionError: nowhere: no such file or folder" in errors
+    assert "AssertionError: --limit roughly: not a limit" in errors
+    assert "testing.py" not in printed and "pytest_plugin.py" not in printed, "pytest shows the test"
+    assert (pictures / "report/index.html").stat().st_size > 0
+
+
+def test_each_scene_is_a_test_of_its_own(scenes: Path) -> None:
+    code, printed = run_pytest(scenes)
+    assert code == 0
+    assert outcomes(printed) == {"test_golden[scenes/box]": "PASSED", "test_golden[scenes/engine]": "PASSED"}
+    edit_scene()
+    code, printed = run_pytest(scenes, "--golden-report", "out")
+    assert code == 1
+    assert outcomes(printed) == {"test_golden[scenes/box]": "PASSED", "test_golden[scenes/engine]": "FAILED"}
+    assert "scenes/engine.yaml:6: transfer_function.points.2.color was " in printed
+    page = Path("out/test_scenes.py/test_golden[scenes/engine]/index.html")
+    assert f"report: {page}" in printed and page.is_file()
+
+
+def test_a_golden_yaml_is_needed_and_may_be_named(scenes: Path) -> None:
+    Path("golden.yaml").rename("scenes/golden.yaml")
+    Path("scenes/golden.yaml").write_text("goldens: ../all/scenes\n", "utf-8")
+    code, printed = run_pytest(scenes)
+    assert code != 0 and "golden.yaml: no such file" in printed
+    Path("scenes/golden.yaml").unlink()
+    Path("all/scenes").rename("scenes/goldens")
+    Path("pytest.ini").write_text("[pytest]\ngolden_scenes = scenes\n", "utf-8")
+    code, printed = run_pytest(scenes)
+    assert (code, outcomes(printed)) == (0, {"test_golden[box]": "PASSED", "test_golden[engine]": "PASSED"}), printed
+
+
+def test_a_project_that_has_mistakes_or_too_many_goldens_is_an_error(scenes: Path) -> None:
+    for text, error in (
+        ("scenes: [scenes/engine.yaml]\ngoldens: all\n", "1 folder of goldens without a scene: all/scenes/box"),
+        ("scene: [scenes/engine.yaml]\n", "golden.yaml:1:1: scene: unknown key"),
+    ):
+        Path("golden.yaml").write_text(text, "utf-8")
+        code, printed = run_pytest(scenes)
+        assert code == 2 and error in printed.replace(f"{scenes}/", ""), printed
+
+
+def test_pictures_of_a_report_are_accepted(scenes: Path) -> None:
+    """All reports below the folder, or a ZIP archive of it; then the tests pass."""
+    edit_scene()
+    edit_scene(name="box")
+    assert run_pytest(scenes, "--golden-report", "out")[0] == 1
+    shutil.make_archive("artifact", "zip", "out")
+    code, printed = run_pytest(scenes, "--golden-accept", "artifact.zip", "--golden-only", "scenes/engine:1-2")
+    assert code == 1 and "goldens: scenes/engine: 2 frames accepted" in printed
+    assert "2 of 4 frames fail: 2 different, 2 the same" in printed
+    assert run_pytest(scenes, "--golden-report", "out")[0] == 1
+    code, printed = run_pytest(scenes, "--golden-accept", "out")
+    assert code == 0 and "goldens: scenes/box: 4 frames accepted" in printed, printed
+    assert "goldens: scenes/engine: 2 frames accepted" in printed
+
+
+def test_why_nothing_is_accepted(scenes: Path) -> None:
+    edit_scene()
+    assert run_pytest(scenes, "--golden-report", "out")[0] == 1
+    before = {path: path.read_bytes() for path in Path("all").rglob("*") if path.is_file()}
+    accept = ("--golden-accept", "out")
+    for arguments, event, error in (
+        (("--golden-only", "engine"), "", "--golden-only is of no use without --golden-accept"),
+        (("--golden-accept", "nowhere"), "", "nowhere: no such report"),
+        ((*accept, "--golden-only", "scenes/engin"), "", "no such film fails in this report"),
+        ((*accept, "--golden-only", "scenes/engine:9"), "", "these frames do not fail in this report"),
+        (accept, "pull_request", "goldens are not accepted in a job that a change starts"),
+    ):
+        code, printed = run_pytest(scenes, *arguments, GITHUB_EVENT_NAME=event)
+        assert code == 4 and error in printed and "Traceback" not in printed, printed
+    assert before == {path: path.read_bytes() for path in Path("all").rglob("*") if path.is_file()}
+    assert run_pytest(scenes, *accept, GITHUB_EVENT_NAME="workflow_dispatch")[0] == 0
+
+
+def test_several_processes_accept_once(scenes: Path) -> None:
+    edit_scene()
+    edit_scene(name="box")
+    assert run_pytest(scenes, "-p", "xdist", "-n", "2", "--golden-report", "out")[0] == 1
+    Path("conftest.py").write_text(WHO_ACCEPTED, "utf-8")
+    code, printed = run_pytest(scenes, "-p", "xdist", "-n", "2", "--golden-accept", "out")
+    assert code == 0 and printed.count("4 frames accepted") == 2, printed
+    assert [path.name for path in Path().glob("accepted-*")] == ["accepted-main"]
 
 
 def test_it_costs_nothing_before_it_is_used(folder: Path) -> None:
-    """A run of pytest that does not use the fixture loads nothing but the plugin's module."""
+    """A run of pytest that does not use the fixtures loads nothing but the plugin's module."""
     (folder / "test_frames.py").write_text("def test():\n    assert True\n", encoding="utf-8")
     program = (
         "import json, sys, pytest\n"
@@ -123,15 +228,15 @@ def test_it_costs_nothing_before_it_is_used(folder: Path) -> None:
     assert loaded[1] == [0, [], ["hsplat_cli", "hsplat_cli.compare", PLUGIN]]
 
 
-def test_an_installed_plugin_may_be_named_again(folder: Path) -> None:
+def test_an_installed_plugin_may_be_named_again(pictures: Path) -> None:
     """A conftest.py or `-p` names the plugin although hsplat is installed."""
-    info = folder / "hsplat-1.dist-info"
+    info = pictures / "hsplat-1.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: hsplat\nVersion: 1\n", encoding="utf-8")
     (info / "entry_points.txt").write_text(f"[pytest11]\n{PLUGIN} = {PLUGIN}\n", encoding="utf-8")
-    (folder / "conftest.py").write_text(f"pytest_plugins = [{PLUGIN!r}]\n", encoding="utf-8")
+    (pictures / "conftest.py").write_text(f"pytest_plugins = [{PLUGIN!r}]\n", encoding="utf-8")
     arguments = ("-m", "pytest", "-p", "no:cacheprovider", "-q", "-p", PLUGIN, "test_frames.py::test_same")
-    done = python(*arguments, folder=folder, PYTHONPATH=f"{CODE}:{folder}")
+    done = python(*arguments, folder=pictures, PYTHONPATH=f"{CODE}:{pictures}")
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -187,8 +187,9 @@ def test_turntables(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_goldens() -> None:
-    run("golden", "scene.yaml", "goldens")
-    assert told("goldens/golden.json")["volume"]["name"] == "scan.npy"
+    run("golden", "scene.yaml")
+    (origin,) = told("goldens/scene/golden.json")["origins"]
+    assert origin["volume"]["name"] == "scan.npy"
 
 
 def test_records_of_another_version(capsys: pytest.CaptureFixture[str]) -> None:

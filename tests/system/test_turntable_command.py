@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import re
 import signal
 import subprocess
 import time
@@ -90,8 +92,8 @@ def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFi
     table = capfd.readouterr().out.splitlines()
     assert table[1].split()[1:3] == ["not", "begun"]
     assert table[1].endswith("out/uint8.mp4: another job is writing this output")
-    assert report()[0] == told[0]
-    assert report()[1]["status"] == "done"
+    assert report()[1] == told[0]
+    assert (report()[0]["scene"], report()[0]["status"]) == ("signed.yaml", "done")
 
 
 def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,7 +161,7 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     def needs(*more: str) -> list[str]:
         started.clear()
         with monkeypatch.context() as patch:
-            patch.setattr("hsplat_cli.turntable.film_process.FilmProcess.make", start)
+            patch.setattr("hsplat_cli.turntable.film_process.FilmProcesses.make", start)
             assert turntable(*command, *more) == bool(started)
         return [*started]
 
@@ -194,29 +196,38 @@ def test_odd_names() -> None:
     assert len([name for name in files("out") if name.endswith(".mp4")]) == 2
 
 
-def test_a_film_that_ends_its_process_fails_alone(folder, monkeypatch, capfd) -> None:
-    """The other films are made by one process before it, and by one after it."""
-    Path("deadly.py").write_text(DEADLY, encoding="utf-8")
-    monkeypatch.syspath_prepend(folder)
-    start, processes = ChildProcesses.start, list[int]()
+@pytest.fixture
+def processes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return a list that gets the number of threads of each process that is started. There is enough memory for all."""
+    start, threads = ChildProcesses.start, list[str]()
 
     def started(
         child_processes: ChildProcesses, module: str, arguments: list[str], **options: Any
     ) -> subprocess.Popen[bytes]:
         assert module == "hsplat_cli"
-        process = start(child_processes, "deadly", arguments, **options)
-        processes.append(process.pid)
+        process = start(child_processes, "deadly" if Path("deadly.py").exists() else module, arguments, **options)
+        threads.append(options["env"]["LP_NUM_THREADS"])
         return process
 
     monkeypatch.setattr(ChildProcesses, "start", started)
+    monkeypatch.setattr("hsplat_cli.turntable.batch.free_bytes", lambda: math.inf)
+    return threads
+
+
+@pytest.mark.parametrize("num", [1, 2])
+def test_a_film_that_ends_its_process_fails_alone(folder, processes, num, monkeypatch, capfd) -> None:
+    """The other films are made by the processes before it, and by one after it."""
+    Path("deadly.py").write_text(DEADLY, encoding="utf-8")
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setenv("LP_NUM_THREADS", str(num))
     for name in ("a", "b"):
         np.save(f"in/{name}.npy", KINDS["uint8"][0][8:40, 8:40, 8:40])
     volumes = [f"in/{name}.npy" for name in ("a", "labels", "signed", "uint8", "b")]
     assert turntable(*volumes, "-o", "out", *SMALL) == 1
     films = report()
-    assert [film["status"] for film in films] == ["done", "done", "failed", "done", "done"]
-    assert (films[2]["exit_code"], films[2]["volume"]) == (-signal.SIGKILL, "../in/signed.npy")
-    assert len(processes) == 2
+    assert [film["status"] for film in films] == ["done", "done", "done", "failed", "done"]
+    assert (films[3]["exit_code"], films[3]["volume"]) == (-signal.SIGKILL, "../in/signed.npy")
+    assert processes == ["1"] * (num + 1)
     assert not [name for name in files("out") if "signed" in name]
     message = (
         "in/signed.npy: the process that made this film ended early\n"
@@ -226,9 +237,77 @@ def test_a_film_that_ends_its_process_fails_alone(folder, monkeypatch, capfd) ->
     assert {Path("out", f"{name}.mp4").exists() for name in ("a", "labels", "uint8", "b")} == {True}
 
 
+def test_several_processes_make_the_same_films_and_print_the_same(processes, monkeypatch, capfd) -> None:
+    """The second volume, of which nothing can be made, fails long before the first film is made."""
+    np.save("in/broken.npy", np.zeros(3))
+    for name in ("a", "b", "c"):
+        np.save(f"in/{name}.npy", KINDS["uint8"][0][8:40, 8:40, 8:40] // (ord(name) - 96))
+    volumes = [f"in/{name}.npy" for name in ("uint8", "broken", "c", "labels", "a", "b")]
+    printed, made = [], []
+    for num in (1, 2):
+        monkeypatch.setenv("LP_NUM_THREADS", str(num))
+        processes.clear()
+        assert turntable(*volumes, "-o", f"out{num}", "--frames=3", "--size=32") == 2
+        assert processes == ["1"] * num
+        lines = capfd.readouterr().err.replace(f"out{num}", "out").splitlines()
+        printed.append([line for line in lines if not re.search(r": \d+/\d+ ", line)])  # progress depends on time
+        made.append([Path(f"out{num}", name).read_bytes() for name in files(f"out{num}") if name.endswith(".mp4")])
+        order = [record["scene"] for record in report(f"out{num}")]
+        assert order == sorted(order)
+    assert printed[0] == printed[1]
+    assert [line[:5] for line in printed[0] if line[:1] == "["] == [f"[{number}/6]" for number in range(1, 7)]
+    assert made[0] == made[1]
+    assert len(made[0]) == 5
+
+
+@pytest.mark.parametrize(
+    ("volume", "patched", "value"),
+    [("a.npy", "_SMALL_BYTES", 1000), ("a.npy", "free_bytes", lambda: 1.9e9), ("a", "_SMALL_BYTES", 1 << 24)],
+)
+def test_one_process_makes_films_of_large_volumes(processes, volume, patched, value, monkeypatch) -> None:
+    """Also films for which there is little memory, and films of a folder, which may be large."""
+    monkeypatch.setenv("LP_NUM_THREADS", "2")
+    monkeypatch.setattr(f"hsplat_cli.turntable.batch.{patched}", value)
+    values = KINDS["uint8"][0][8:40, 8:40, 8:40]
+    np.save("in/a.npy", values)
+    Path("in/a").mkdir()
+    for number, slice_ in enumerate(values):
+        imageio.imwrite(f"in/a/{number:02}.png", slice_)
+    volumes = [f"in/{name}" for name in ("uint8.npy", "signed.npy", "labels.npy", volume)]
+    assert turntable(*volumes, "-o", "out", *SMALL) == 0
+    assert processes == ["2"]
+
+
+def test_an_interrupt_ends_all_films_that_are_made() -> None:
+    """Two processes make films of four volumes, and remove what is unfinished."""
+    Path("in/c.npy").write_bytes(Path("in/signed.npy").read_bytes())
+    mark = new_mark()
+    arguments = ["turntable", *(f"in/{name}.npy" for name in ("uint8", "signed", "labels", "c")), "-o", "out"]
+    process = subprocess.Popen(
+        [*HSPLAT, *arguments, "--frames=2000", "--size=16"],
+        env=environment(LP_NUM_THREADS="2", **{MARK: mark}),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not all(list(Path("out").glob(f"{name}.mp4.unfinished/*.json")) for name in ("uint8", "signed")):
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 143
+    assert err.count("hsplat: interrupted\n") == 3  # both processes print it, too
+    assert not marked(mark)
+    assert [record["status"] for record in report()] == ["interrupted"] * 2
+    assert [line.split()[1] for line in out.splitlines()[-4:]] == ["interrupted", "interrupted", "not", "not"]
+
+
 def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
-    """Only the parent gets the signal, while the second film is made: the process of the film ends, too."""
-    arguments = ["turntable", "in/uint8.npy", "in/signed.npy", "in/labels.npy", "-o", "out", "--frames", "50"]
+    """Only the parent gets the signal, while the second film is made: the process of the film ends, too.
+
+    The page of films may already have been written, or not.
+    """
+    arguments = ["turntable", "in/uint8.npy", "in/signed.npy", "in/labels.npy", "-o", "out", "--frames", "400"]
     process = subprocess.Popen(
         [*HSPLAT, *arguments, "--size", "16"],
         env=environment(),
@@ -243,29 +322,34 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
     out, err = process.communicate(timeout=60)
     assert process.returncode == 143
     assert err.endswith("hsplat: interrupted\n")
-    assert [record["status"] for record in report()] == ["done", "interrupted"]
+    assert {record["scene"]: record["status"] for record in report()} == {
+        "uint8.yaml": "done",
+        "signed.yaml": "interrupted",
+    }
     assert [line.split()[1] for line in out.splitlines()[-3:]] == ["done", "interrupted", "not"]
-    names = ["index.html", "posters/uint8.jpg", "signed.yaml", "turntable.json"]
-    names += ["uint8.mp4", "uint8.mp4.json", "uint8.yaml"]
-    assert [name for name in files("out") if "unfinished" not in name] == names
+    names = {"signed.yaml", "turntable.json", "uint8.mp4", "uint8.mp4.json", "uint8.yaml"}
+    found = {name for name in files("out") if "unfinished" not in name}
+    assert found - {"index.html", "posters/uint8.jpg"} == names
 
 
 def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
-    """The process of the film and its encoder end."""
+    """The processes of two films and their encoders end."""
     mark = new_mark()
-    arguments = ["turntable", "in/labels.npy", "in/signed.npy", "-o", "out", "--frames", "400", "--size", "64"]
+    Path("in/c.npy").write_bytes(Path("in/signed.npy").read_bytes())
+    volumes = [f"in/{name}.npy" for name in ("labels", "signed", "uint8", "c")]
+    arguments = ["turntable", *volumes, "-o", "out", "--frames", "400", "--size", "64", "--quiet"]
     process = subprocess.Popen(
-        [*HSPLAT, *arguments, "--quiet"], env=environment(**{MARK: mark}), start_new_session=True
+        [*HSPLAT, *arguments], env=environment(LP_NUM_THREADS="2", **{MARK: mark}), start_new_session=True
     )
-    while not list(Path("out").glob("labels.mp4.unfinished/000003.json")):
+    while not all(list(Path("out").glob(f"{name}.mp4.unfinished/000003.json")) for name in ("labels", "signed")):
         assert process.poll() is None
         time.sleep(0.02)
-    assert len(marked(mark)) >= 3  # the batch, the film and its encoder
+    assert len(marked(mark)) >= 5  # the batch, the films and their encoders
     process.kill()
     process.wait()
     assert wait_until(lambda: not marked(mark), 5.0)
     assert not Path("out/labels.mp4").exists()
-    assert [record["status"] for record in report()] == ["begun"]
+    assert [record["status"] for record in report()] == ["begun"] * 2
 
 
 def test_a_bad_input_fails_alone(capsys: pytest.CaptureFixture[str]) -> None:

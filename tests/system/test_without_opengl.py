@@ -45,8 +45,8 @@ def codes_without_opengl(*commands: str) -> tuple[list[int], str]:
 
 def test_other_commands_without_opengl() -> None:
     codes, said = codes_without_opengl(
-        "golden scene.yaml goldens",
-        "compare scene.yaml goldens",
+        "golden scene.yaml",
+        "compare scene.yaml",
         "measure scene.yaml --want psnr=20 --frames 0",
         "render scene.yaml --progressive",
         "render scene.yaml --set annotation.octree=true",

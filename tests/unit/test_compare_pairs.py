@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from comparing import compare_files
 from hypothesis import given, strategies as st
@@ -28,8 +29,8 @@ def actual(tmp_path: Path) -> Path:
 
 def pairs_of(golden: Path, actual: Path) -> list[tuple[str, bool, bool]]:
     """Return the name of each pair, and whether each side has it."""
-    outcomes = compare_files(golden, actual).outcomes
-    return [(each.name, each.status != "extra", each.status != "missing") for each in outcomes]
+    frames = compare_files(golden, actual).frames
+    return [(each.name, each.status != "new", each.status != "missing") for each in frames]
 
 
 def notes_on(golden: Path, actual: Path) -> list[str]:
@@ -44,9 +45,9 @@ def problem(golden: Path, actual: Path) -> str:
 
 def test_two_pictures_are_a_pair_under_the_name_of_the_golden(golden: Path) -> None:
     other = (golden / "frame-0001.png").rename(golden / "Other.PNG")
-    (outcome,) = compare_files(golden / "frame-0000.png", other, limits=["bias=0"]).outcomes
-    assert outcome.name == "frame-0000.png"
-    assert outcome.bias == pytest.approx((PICTURES[1].astype(int) - PICTURES[0]).mean(axis=(0, 1)))
+    (frame,) = compare_files(golden / "frame-0000.png", other).frames
+    assert frame.name == "frame-0000.png"
+    assert frame.largest == pytest.approx(np.abs(PICTURES[1].astype(int) - PICTURES[0]).max())
 
 
 def test_files_in_folders_are_paired_by_name(golden: Path, actual: Path) -> None:
@@ -139,9 +140,8 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @both_formats
 def test_films_are_paired_by_index(films: Path, suffix: str) -> None:
-    comparison = compare_files(films / f"film.{suffix}", films / f"other.{suffix}", "exact", ["densest=0"])
-    assert [outcome.name for outcome in comparison.outcomes] == [f"frame {number}" for number in range(6)]
-    assert {len(outcome.bias) for outcome in comparison.outcomes} == {{"mp4": 3, "gif": 4}[suffix]}
-    errors = [outcome.figures["densest"] for outcome in comparison.outcomes]
+    frames = compare_files(films / f"film.{suffix}", films / f"other.{suffix}").frames
+    assert [(frame.name, frame.frame) for frame in frames] == [(f"frame {number}", number) for number in range(6)]
+    errors = [frame.largest or 0 for frame in frames]
     assert errors.index(max(errors)) == 3
     assert max(errors) > 5 * sorted(errors)[-2]

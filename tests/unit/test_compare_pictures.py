@@ -23,7 +23,7 @@ def assert_read(folder: Path, content: bytes, image: Pixels) -> None:
     actual.write_bytes(content)
     golden = folder / "golden.png"
     golden.write_bytes(encode_png(image))
-    assert [outcome.status for outcome in compare_files(golden, actual).outcomes] == ["same"]
+    assert [frame.status for frame in compare_files(golden, actual).frames] == ["same"]
 
 
 def refused(folder: Path, content: bytes) -> str:

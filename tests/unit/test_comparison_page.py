@@ -1,259 +1,210 @@
-"""The page of a comparison is sound HTML that loads nothing, with all results and pictures of the worst frames."""
+"""The page of a comparison is sound HTML that loads only pictures beside it, with all that its script needs."""
 
 from __future__ import annotations
 
-import base64
+import json
 import re
-from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
+from urllib.parse import unquote
 
-import imageio.v3 as imageio
 import numpy as np
-import numpy.typing as npt
 import pytest
-from comparing import compare_pictures
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 
-from renderer.film import Pixels
+from hsplat_cli.compare import (
+    Change,
+    ComparedFilm,
+    ComparedFrame,
+    Comparison,
+    ComparisonRequest,
+    Flickers,
+    Nearness,
+    ReportPicture,
+    changed_value,
+    compare,
+    report_page,
+)
+from hsplat_cli.terminal import Reporter
+from renderer.film import encode_png
 
-EVIL = "<b onclick='x'>\"&{{ 7 * 7 }}.png"
-LIMITS = {"largest": 1.0, "p99": 0.0}
-
-
-def picture(height: int = 12, width: int = 16, channels: int = 3, *, value: int = 100) -> Pixels:
-    return np.full((height, width, channels), value, np.uint8)
-
-
-GOLDEN = picture()
-
-
-def spoiled(golden: Pixels, steps: int, y: int = 3, x: int = 5) -> Pixels:
-    """Return a picture in which one pixel is off by `steps` steps."""
-    actual = golden.astype(np.int16)
-    actual[y, x, 1] += steps
-    return actual.astype(np.uint8)
-
-
-def off_by(**steps: int) -> tuple[Mapping[str, Pixels], Mapping[str, Pixels]]:
-    """Return goldens and frames of these names, with one pixel that is off by so many steps."""
-    golden = dict.fromkeys([f"{name}.png" for name in steps], GOLDEN)
-    return golden, {f"{name}.png": spoiled(GOLDEN, number) for name, number in steps.items()}
+EVIL = "</script><b onclick='x'>\"&{{ 7 * 7 }}"
+DIGEST = "0" * 32
 
 
-def mixed() -> tuple[Mapping[str, Pixels], Mapping[str, Pixels]]:
-    golden, actual = off_by(a0=0, a1=1, a2=-40, a6=7)
-    golden = {**golden, "a3.png": GOLDEN, "a5.png": GOLDEN}
-    return golden, {**actual, "a4.png": picture(channels=4), "a5.png": picture(6, 8)}
+def picture(file: str) -> ReportPicture:
+    return ReportPicture(DIGEST, file)
 
 
-CASES: dict[str, Callable[[], tuple[Mapping[str, Pixels], Mapping[str, Pixels]]]] = {
-    "mixed": mixed,
-    "same": lambda: off_by(a=0, b=0),
-    "close": lambda: off_by(a=1, b=0),
-    "one frame": lambda: off_by(a=9),
-    "missing": lambda: ({"a.png": GOLDEN, "b.png": GOLDEN}, {"b.png": GOLDEN}),
-    "evil": lambda: ({EVIL: GOLDEN}, {EVIL: spoiled(GOLDEN, 9)}),
-}
+def frame(number: int, part_psnr: float | None = 20.0, *, passes: bool = False, **more: Any) -> ComparedFrame:
+    name = f"frame-{number:04}.png"
+    values: dict[str, Any] = {
+        "name": name,
+        "status": "close" if passes else "different",
+        "why": f"why {number}",
+        "frame": number,
+        "psnr": None if part_psnr is None else part_psnr + 10,
+        "part_psnr": part_psnr,
+        "part": (8, 16),
+        "largest": 9.0,
+        "old": picture(f"films/0/old/{name}"),
+        "new": picture(f"films/0/new/{name}"),
+    }
+    return ComparedFrame(**(values | more))
 
 
-class Compared(NamedTuple):
-    """A comparison, and the text of its page."""
-
-    comparison: Any
-    text: str
+def film(name: str = "engine", *frames: ComparedFrame, **more: Any) -> ComparedFilm:
+    return ComparedFilm(name, "45 dB", f"scenes/{name}.yaml", f"goldens/{name}", frames=frames, **more)
 
 
-def compared(folder: Path, golden: Mapping[str, Pixels], actual: Mapping[str, Pixels], **limits: float) -> Compared:
-    folder.mkdir(exist_ok=True)
-    comparison = compare_pictures(folder, golden, actual, limits or LIMITS, html=folder / "page.html")
-    return Compared(comparison, (folder / "page.html").read_text("utf-8"))
+def data_of(text: str) -> dict[str, Any]:
+    """Return the values that the script of a page starts with."""
+    (found,) = re.findall(r"(?m)^const report = (.*);$", text)
+    data: dict[str, Any] = json.loads(found)
+    return data
 
 
-@pytest.fixture(scope="module")
-def cases(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Compared]:
-    return {name: compared(tmp_path_factory.mktemp("case"), *make()) for name, make in CASES.items()}
-
-
-@pytest.mark.parametrize("name", CASES, ids=lambda name: name.replace(" ", "-"))
-def test_the_page_is_sound_loads_nothing_and_has_every_frame_with_its_reason(
-    name: str, cases: dict[str, Compared]
-) -> None:
-    comparison, text = cases[name]
-    assert_sound_and_alone(text)
+def page_of(*films: ComparedFilm) -> tuple[Page, dict[str, Any]]:
+    text = report_page(Comparison(films, ("scenes",)))
+    assert_sound_and_alone(re.sub(r'(?s)<template id="viewer-template">.*?</template>', "", text))
     assert_can_be_heard(text)
-    words = [word.strip() for word in Page(text).words]
-    for outcome in comparison.outcomes:
-        assert outcome.name in words and outcome.why in words
+    return Page(text), data_of(text)
 
 
-def test_names_are_escaped(cases: dict[str, Compared]) -> None:
-    text = cases["evil"].text
-    assert "<b onclick" not in text and "{{ 7 * 7 }}" in text
-    page = Page(text)
-    assert page.tags["b"] == 0 and page.tags["script"] == 1 and page.words.count(EVIL) >= 2
-    assert f"golden of {EVIL}" in page.values("alt")
+MIXED = (
+    film("kept", frame(0, 200.0, passes=True)),
+    film("bad", frame(0, 50.0, passes=True), frame(1, 30.0), frame(2, 20.0), frame(3, None, status="missing")),
+    film("torn", error="scenes/torn.yaml: this scene has no goldens"),
+)
 
 
-def test_unprintable_names_are_escaped(tmp_path: Path) -> None:
-    """The name has an invalid byte, a character that turns the direction of writing, and a bell."""
-    name = "a\udcff\u202e\a.png"
-    text = compared(tmp_path, {name: GOLDEN}, {name: spoiled(GOLDEN, 9)}).text
-    assert r"a\udcff\u202e\x07.png" in Page(text).words
-    text.encode()
+def test_all_films_come_by_verdict_with_their_reasons() -> None:
+    page, data = page_of(*MIXED)
+    assert [each["name"] for each in data["films"]] == ["torn", "bad", "kept"]
+    assert [each["verdict"] for each in data["films"]] == ["not compared", "fails", "passes"]
+    assert "scenes/torn.yaml: this scene has no goldens" in page.words
+    assert page.tags["article"] == 3
+    for part in ("not compared (1)", "fails (1)", "passes (1)"):
+        assert part in page.prose
 
 
-# ---------------------------------------------------------------------------------------------------------- content
+def test_names_are_text_in_the_page_and_in_its_script() -> None:
+    changes = (Change(EVIL, EVIL, EVIL, 3),)
+    evil = replace(film(EVIL, replace(frame(1), name=EVIL, why=EVIL), changes=changes), notes=(EVIL,))
+    page, data = page_of(evil, film(f"b{EVIL}", error=EVIL))
+    assert page.tags["b"] == 0 and page.tags["script"] == 1
+    assert page.words.count(EVIL) >= 5
+    shown = data["films"][1]
+    assert shown["name"] == EVIL and shown["frames"][0]["why"] == EVIL
 
 
-def test_the_worst_frames_come_first(cases: dict[str, Compared]) -> None:
-    """Frames without a pair come first, in the order of their names; then the order is that of the error."""
-    expected = ["a3.png", "a4.png", "a5.png", "a2.png", "a6.png"]
-    text = cases["mixed"].text
-    assert shown_in(text) == expected
-    rows = re.findall(r'<th scope="row" class="text" data-value="(\d+)">(?:<a [^>]*>)?(a\d.png)', text)
-    assert [name for _, name in rows] == [*expected, "a1.png", "a0.png"]
-    assert [int(number) for number, _ in rows] == [3, 4, 5, 2, 6, 1, 0]
+def test_a_film_whose_name_no_command_line_can_hold_is_shown_but_not_accepted() -> None:
+    page, data = page_of(film("a\x1b[31m\u202e", frame(1)))
+    assert r"a\x1b[31m\u202e" in page.words
+    assert "accepts" not in data["films"][0]["frames"][0]
 
 
-def test_a_frame_without_a_pair_shows_one_picture(cases: dict[str, Compared]) -> None:
-    page = Page(cases["missing"].text)
-    assert page.values("alt") == ["golden of a.png"]
-    assert "no such actual frame" in page.words and "nothing to compare" in page.words
-    assert page.tags["input"] == 3  # the amplifications: nothing to flip
+def test_frames_that_fail_with_a_number_and_a_new_picture_can_be_accepted() -> None:
+    frames = [
+        frame(0, 50.0, passes=True),
+        frame(1),
+        frame(2, None, status="missing", new=None),
+        frame(3, new=ReportPicture(DIGEST)),
+        frame(4, None, status="other size"),
+        replace(frame(5), frame=None),
+    ]
+    _, data = page_of(film("engine", *frames))
+    assert [index for index, each in enumerate(data["films"][0]["frames"]) if each.get("accepts")] == [1, 4]
+    _, data = page_of(replace(film("engine", *frames), scene=""))
+    assert not any(each.get("accepts") for each in data["films"][0]["frames"])
 
 
-def test_other_limits_are_named(cases: dict[str, Compared]) -> None:
-    text = cases["close"].text
-    others = "largest 1, p99 0 by option"
-    assert f"<title>2 frames pass at exact (with other limits: {others}): 1 the same, 1 close" in text
-    assert f"; but <strong>with other limits</strong>: {others}.</p>" in text
+def test_addresses_of_pictures_are_quoted() -> None:
+    _, data = page_of(film("a", frame(1, old=picture("films/0/old/50% #1?.png"))))
+    assert data["films"][0]["frames"][0]["old"] == "films/0/old/50%25%20%231%3F.png"
+    assert data["films"][0]["frames"][0]["new"] == "films/0/new/frame-0001.png"
 
 
-def test_figures_are_given_with_limits_shares_and_signs(cases: dict[str, Compared]) -> None:
-    words = [word.strip() for word in Page(cases["mixed"].text).words]
-    for expected in ("−0.208", "+0.0365", "at most 1", "40", "7", "largest error of a channel, at most 1 step"):
-        assert expected in words, expected
+def test_the_chart_marks_the_first_and_the_worst_frame_that_fails() -> None:
+    page, _ = page_of(film("a", frame(0, 50.0, passes=True), frame(4, 30.0), frame(6, 20.0), frame(7, 25.0)))
+    assert "frame-0004.png: the first that fails" in page.words
+    assert "frame-0006.png: the worst" in page.words
+    assert "Crosses mark frame-0004.png, the first that fails; frame-0006.png, the worst." in page.prose
+    page, _ = page_of(film("a", frame(0), frame(1, 50.0, passes=True)))
+    assert "frame-0000.png: the first that fails, and the worst" in page.words
 
 
-# ------------------------------------------------------------------------------------------------------------- curve
+def test_a_chart_needs_two_figures() -> None:
+    page, data = page_of(film("a", frame(0)), film("b", frame(0, None), frame(1)))
+    assert not any("chart" in each for each in data["films"]) and "Error over the frames" not in page.words
 
 
-def svg_of(text: str) -> str:
-    (svg,) = re.findall(r'(?s)<svg class="axes" viewBox="[^"]*" role="img".*?</svg>', text)
-    return svg
+def test_flicker_and_nearness_are_told() -> None:
+    near = frame(1, nearer=Nearness(40.0, 50.0, differs=True))
+    exact = frame(2, nearer=Nearness(200.0, 50.0, differs=True))
+    page, data = page_of(film("a", near, exact, flicker=Flickers(0.5, 1.25)))
+    assert "flicker: the goldens have 0.50 levels of 255, the new pictures 1.25" in page.prose
+    text = "nearer to the exact picture: the golden has 40.0 dB of the exact picture, the new one 50.0 dB"
+    assert f"frame-0001.png: {text}" in page.prose and data["films"][0]["frames"][0]["nearer"] == text
+    assert "further from the exact picture: the golden has 200 dB or more of the exact picture" in page.prose
 
 
-def points_of(svg: str) -> list[list[tuple[float, float]]]:
-    """Return the points of each curve."""
-    paths = re.findall(r'<path d="([^"]*)" class="points"', svg)
-    return [[(float(x), float(y)) for x, y in re.findall(r"M([\d.]+) ([\d.]+)h0", path)] for path in paths]
-
-
-def test_the_curve_has_a_point_for_each_frame_and_a_mark_for_each_failure(tmp_path: Path) -> None:
-    golden, actual = off_by(**{f"f{number}": [0, 1, 10, 100, 1][number % 5] for number in range(30, 50)})
-    svg = svg_of(compared(tmp_path, {**golden, "f50.png": GOLDEN}, actual).text)
-    assert "frame number" in svg
-    assert [len(points) for points in points_of(svg)] == [20, 20]
-    assert svg.count('class="cross"') == 9 and svg.count("<title>") == 9
-    largest = points_of(svg)[0]
-    assert [x for x, _ in largest] == sorted({x for x, _ in largest})
-    none, limit, ten, hundred, _ = (y for _, y in largest[:5])
-    assert none > limit > ten > hundred
-    assert ten - hundred == pytest.approx(limit - ten, abs=0.11)  # both are a decade; written to a tenth
-    assert f"M62 {limit:.1f}H850" in svg  # the line of the limit
-    assert re.findall(r'<text x="54"[^>]*>([^<]*)<', svg) == ["0", "0.5", "1", "10", "100"]
-
-
-def test_the_curve_breaks_at_frames_without_errors(tmp_path: Path) -> None:
-    golden, actual = off_by(a=1, c=1)
-    svg = svg_of(compared(tmp_path, {**golden, "b.png": GOLDEN}, actual).text)
-    (line, *_) = re.findall(r'<path d="([^"]*)" class="curve"', svg)
-    assert line.count("M") == 2 and line.count("L") == 0
-    assert "place of the frame" in svg
-
-
-# ------------------------------------------------------------------------------------------------------------ gallery
-
-
-def shown_in(text: str) -> list[str]:
-    """Return the names of the frames whose pictures are shown."""
-    return re.findall(r'<h3 id="worst-\d+-name">(.*?)</h3>', text)
-
-
-def test_the_gallery_keeps_the_worst_of_many(tmp_path: Path) -> None:
-    steps = {f"f{number:03}": int(each) for number, each in enumerate(np.random.default_rng(7).permutation(60))}
-    text = compared(tmp_path, *off_by(**steps)).text
-    worst = sorted(steps, key=lambda name: -steps[name])[:24]
-    assert shown_in(text) == [f"{name}.png" for name in worst]
-
-
-def test_frames_that_pass_are_shown_only_where_none_fails(cases: dict[str, Compared], tmp_path: Path) -> None:
-    text = compared(tmp_path, *off_by(**{f"f{number:02}": number % 2 for number in range(40)})).text
-    assert shown_in(text) == [f"f{number:02}.png" for number in range(1, 12, 2)]
-    assert shown_in(cases["same"].text) == []
-
-
-def pixels_in(text: str) -> list[npt.NDArray[Any]]:
-    """Return the pictures of a page: golden, actual and difference of each frame."""
-    pictures = re.findall(r"data:image/png;base64,([^\"]*)", text)
-    return [imageio.imread(base64.b64decode(content), extension=".png") for content in pictures]
-
-
-def pictures_of(folder: Path, golden: Pixels, actual: Pixels) -> list[npt.NDArray[Any]]:
-    """Return golden, actual and difference of one frame, and the enlarged parts, if there are any."""
-    return pixels_in(compared(folder, {"a.png": golden}, {"a.png": actual}, largest=0).text)
-
-
-def test_the_difference_has_steps_and_signs(tmp_path: Path) -> None:
-    actual = spoiled(spoiled(GOLDEN, 40, 3, 5), -1, 4, 6)
-    shown_golden, shown_actual, difference = pictures_of(tmp_path, GOLDEN, actual)
-    assert (shown_golden == GOLDEN).all() and (shown_actual == actual).all()
-    assert difference[3, 5].tolist() == [40, 0, 0] and difference[4, 6].tolist() == [0, 0, 1]
-    assert np.count_nonzero(difference) == 2
-
-
-def test_a_step_at_an_opacity_of_1_in_255_is_a_difference_of_1(tmp_path: Path) -> None:
-    golden = picture(channels=4)
-    golden[..., 3] = 1
-    _, _, difference = pictures_of(tmp_path, golden, spoiled(golden, 1))
-    assert difference[3, 5].tolist() == [1, 0, 0]
-
-
-@pytest.mark.parametrize("steps", [-1, 90])
-def test_a_single_wrong_pixel_survives_scaling_down(steps: int, tmp_path: Path) -> None:
-    golden = picture(1025, 700)
-    text = compared(tmp_path, {"a.png": golden}, {"a.png": spoiled(golden, steps, 1024, 699)}, largest=0).text
-    assert "largest error at x 699, y 1024" in text and "1/3 of its size" in text
-    small, _, difference, *_ = pixels_in(text)
-    assert small.shape == difference.shape == (342, 234, 3) and (small == 100).all()
-    where = [2 if steps < 0 else 0]
-    assert difference[341, 233, where].tolist() == [abs(steps)] and np.count_nonzero(difference) == 1
+def test_changes_show_colours_with_a_swatch_and_say_what_is_not_there() -> None:
+    changes = (Change("points.0.color", "#ffa500", "#008080", 4), Change("light", "", "1"), Change("title", "1", ""))
+    page, _ = page_of(film("a", frame(1), changes=changes))
+    swatches = [value for value in page.values("style") if value.startswith("background: #")]
+    assert swatches == ["background: #ffa500", "background: #008080"]
+    assert "not there" in page.words and "gone" in page.words
 
 
 @pytest.mark.parametrize(
-    ("y", "x", "corner", "place"),
-    [(0, 0, (0, 0), (0, 0)), (99, 59, (12, 52), (47, 47)), (50, 30, (6, 26), (24, 24)), (10, 59, (12, 0), (10, 47))],
+    ("path", "was", "now", "expected"),
+    [
+        ("points.0.color", [1, 0.647, 0], [0, 0.5, 0.5], ("points.0.color", "#ffa500", "#008080")),
+        ("points.0.color", [1, 0.6471, 0], [1, 0.647, 0], ("points.0.color", "[1, 0.6471, 0]", "[1, 0.647, 0]")),
+        ("transfer_function.range", [0, 100], [10, 0.5], ("transfer_function.range", "0 to 100", "10 to 0.5")),
+        ("output.size", [96, 96], [96, 80], ("output.size", "96 x 96", "96 x 80")),
+        ("a", [[0, 1], [1, 0.5]], [[0, 1], [1, 0.6]], ("a.1", "[1, 0.5]", "[1, 0.6]")),
+        ("a", [*range(30)], [*range(29), 4], ("a.29", "29", "4")),
+        ("a", [*range(30)], None, ("a", "[0, 1, 2, ... 25 more ..., 28, 29]", "")),
+        ("a", None, {"b": 0.4, "color": [1, 0.5, 0]}, ("a", "", "{b: 0.4, color: #ff8000}")),
+    ],
 )
-def test_the_surroundings_of_the_largest_error_are_enlarged(y, x, corner, place, tmp_path: Path) -> None:
-    golden, (left, top) = picture(100, 60), corner
-    text = compared(tmp_path, {"a.png": golden}, {"a.png": spoiled(golden, 7, y, x)}, largest=0).text
-    extent = f", enlarged: x {left} to {left + 47}, y {top} to {top + 47}"
-    assert Page(text).values("alt")[3:] == [f"{kind} of a.png{extent}" for kind in ("golden", "actual", "difference")]
-    _, actual, difference = pixels_in(text)[3:]
-    assert difference.shape == (48, 48, 3)
-    assert difference[place].tolist() == [7, 0, 0]
-    assert actual[place].tolist() == [100, 107, 100]
+def test_values_are_told_as_people_write_them(path: str, was: Any, now: Any, expected: tuple[str, str, str]) -> None:
+    assert changed_value(path, was, now) == expected
 
 
-def test_the_page_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Noise cannot be compressed; as many frames as fit are shown, and the page says that there are more."""
-    noise = np.random.default_rng(3).integers(0, 200, (40, 40, 3), np.uint8)
-    golden = dict.fromkeys([f"{number}.png" for number in range(9)], noise)
-    actual = {name: noise + np.uint8(20 - int(name[0])) for name in golden}
-    text = compared(tmp_path / "all", golden, actual).text
-    one = sum(map(len, re.findall(r"data:[^\"]*", text))) // 9
-    monkeypatch.setattr("hsplat_cli.compare.comparison_html.MAX_PICTURE_BYTES", 4 * one)
-    page = Page(compared(tmp_path / "some", golden, actual).text)
-    assert page.tags["article"] == 4
-    assert "4 of the 9 that differ, worst first." in page.prose and "of this file" in page.prose
+def test_a_long_value_is_shown_without_its_middle() -> None:
+    _, was, _ = changed_value("text", "a" * 400 + "b" * 400, "c")
+    assert len(was) <= 160 and was.startswith("'aaaa") and was.endswith("bbbb'") and " ... " in was
+
+
+def test_equal_outcomes_give_equal_pages_and_other_ones_forget_decisions() -> None:
+    """The key by which a browser keeps decisions is that of the outcomes."""
+    text = report_page(Comparison(MIXED))
+    assert report_page(Comparison(MIXED)) == text
+    other = replace(MIXED[0], frames=(frame(0, 199.0, passes=True),))
+    assert data_of(report_page(Comparison((other, *MIXED[1:]))))["key"] != data_of(text)["key"]
+
+
+def test_the_page_of_a_report_finds_its_pictures(tmp_path: Path) -> None:
+    """Names of files may hold characters that addresses cannot."""
+    for side, value in (("golden", 100), ("actual", 140)):
+        Path(tmp_path, side).mkdir()
+        Path(tmp_path, side, "50% #1.png").write_bytes(encode_png(np.full((16, 16, 3), value, np.uint8)))
+    places = [str(tmp_path / "golden"), str(tmp_path / "actual")]
+    comparison = compare(ComparisonRequest(places, report=tmp_path / "report"), Reporter(is_quiet=True))
+    data = data_of(Path(tmp_path, "report/index.html").read_text("utf-8"))
+    assert comparison.arguments == () and data["arguments"] == []
+    (only,) = data["films"][0]["frames"]
+    for side in ("old", "new"):
+        assert Path(tmp_path, "report", unquote(only[side])).is_file()
+
+
+def test_the_command_finds_the_scenes_and_goldens_that_were_compared(tmp_path: Path) -> None:
+    scene, goldens, report = (tmp_path / name for name in ("it's.yaml", "goldens here", "report"))
+    scene.write_text("volume: <b>", "utf-8")
+    compare(ComparisonRequest([str(scene)], goldens=goldens, report=report), Reporter(is_quiet=True))
+    data = data_of(Path(report, "index.html").read_text("utf-8"))
+    assert data["arguments"] == [str(scene), "--goldens", str(goldens)]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer.system import control_groups, num_cores, num_drawing_threads
+from renderer.system import control_groups, num_cores
 
 
 @pytest.mark.parametrize(
@@ -17,11 +17,9 @@ from renderer.system import control_groups, num_cores, num_drawing_threads
         *((text, num_cores()) for text in ("", "-1", "many", "1e9", "99999999999", "\N{SUPERSCRIPT TWO}")),
     ],
 )  # fmt: skip
-def test_drawing_takes_as_many_threads_as_mesa(monkeypatch: pytest.MonkeyPatch, wanted: str, expected: int) -> None:
-    monkeypatch.delenv("LP_NUM_THREADS", raising=False)
-    assert num_drawing_threads() == num_cores()
+def test_as_many_threads_work_as_mesa_takes(monkeypatch: pytest.MonkeyPatch, wanted: str, expected: int) -> None:
     monkeypatch.setenv("LP_NUM_THREADS", wanted)
-    assert num_drawing_threads() == expected
+    assert num_cores() == expected
 
 
 @pytest.mark.parametrize(
@@ -56,6 +54,7 @@ def test_control_groups_limit_the_cores(
     if own is not None:
         (tmp_path / "own").write_text(own)
     groups = control_groups("cpu", tmp_path, tmp_path / "own")
+    monkeypatch.delenv("LP_NUM_THREADS", raising=False)
     monkeypatch.setattr("renderer.system.cores.control_groups", lambda _: groups)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(16))
     assert num_cores() == expected

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import re
-import shlex
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import yaml
 from gallery_page import PAGE as GALLERY_PAGE, gallery_scenes
 from motion_page import MOTION_PAGE, motion_page
 from pixels_page import CROPS, PAGE as PIXELS_PAGE
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
-from hsplat_cli.commands.compare import compare
-from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES
 from renderer.scene import FORMATS, load_scene, scene_to_dict
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,8 +24,6 @@ def _blocks_in(document: str, language: str = "yaml") -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", (ROOT / document).read_text("utf-8"), re.DOTALL)
 
 
-GOLDEN_FRAMES = "docs/golden-frames.md"
-RECIPES = _blocks_in(GOLDEN_FRAMES)
 # Pages whose YAML blocks have lines that each may stand in a scene.
 PAGES_OF_LINES = ("docs/precision.md", "docs/footprints.md")
 
@@ -95,51 +88,8 @@ def test_every_line_of_an_example_may_stand_in_the_scene(page: str, tmp_path: Pa
         load_scene(tmp_path / "scene.yaml")
 
 
-def test_the_readme_has_one_scene_and_the_pages_have_all_recipes() -> None:
+def test_the_readme_has_one_scene() -> None:
     assert len(_blocks_in("README.md")) == 1
-    assert [recipe.split()[1] for recipe in RECIPES] == [".github/workflows/golden-frames.yml", ".gitlab-ci.yml"]
-
-
-@pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.split()[1])
-def test_recipes_compare_in_the_container_in_which_goldens_are_made(recipe: str) -> None:
-    text = (ROOT / GOLDEN_FRAMES).read_text("utf-8")
-    (job,) = [job for job in _mappings_in(yaml.safe_load(recipe)) if {"container", "image"} & set(job)]
-    assert f"-w /work {job.get('container') or job.get('image')} sh -c" in text
-    commands = re.findall(r"(?m)- (?:run: )?((?:apt-get|pip|hsplat) .*)$", recipe)
-    for command in commands[:-1]:
-        assert f"{command} &&" in " ".join(text.split())
-    program, name, *arguments = shlex.split(commands[-1])
-    given = compare.make_context(name, arguments).params
-    assert (program, name) == ("hsplat", "compare") and given["level"] in STRICTNESSES and given["html_file"]
-
-
-def _mappings_in(tree: object) -> Iterator[dict[str, object]]:
-    if isinstance(tree, dict):
-        yield tree
-    for item in tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ():
-        yield from _mappings_in(item)
-
-
-def test_the_table_of_figures_has_the_limits_of_every_level() -> None:
-    text = (ROOT / GOLDEN_FRAMES).read_text("utf-8")
-    (table,) = re.findall(r"(?m)^\| figure \| meaning .*\n(?:\|.*\n)+", text)
-    header, _, *lines = ([cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines())
-    assert header[2:] == [f"`{level}`" for level in STRICTNESSES]
-    assert [line[0] for line in lines] == [f"`{name}`" for name in COMPARISON_METRICS]
-    for (name, figure), (_, what, *limits) in zip(COMPARISON_METRICS.items(), lines, strict=True):
-        assert what.startswith(figure.label) and ("steps" in what) == bool(figure.unit), name
-        expected = [level.limits.get(name) for level in STRICTNESSES.values()]
-        assert [float(limit) if limit else None for limit in limits] == expected, name
-
-
-@pytest.mark.parametrize("level", ["same-machine", "cross-driver"])
-def test_goldens_were_measured_with_the_limits_of_every_level(level: str) -> None:
-    text = (ROOT / "docs/benchmarks/goldens.md").read_text("utf-8")
-    (section,) = re.findall(rf"(?ms)^#### {level}\n(.*?)^#", text)
-    expected = {name: STRICTNESSES[level].limits.get(name) for name in COMPARISON_METRICS}
-    lines = [line.split("|")[1:-1] for line in section.splitlines() if line.startswith("| `")]
-    limits = {cells[0].strip(" `"): cells[3].strip() for cells in lines}
-    assert {name: None if limit == "none" else float(limit) for name, limit in limits.items()} == expected
 
 
 @pytest.mark.parametrize("config", sorted((ROOT / "configs").rglob("*.yaml")), ids=lambda path: path.stem)

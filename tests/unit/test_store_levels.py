@@ -16,6 +16,7 @@ from store_files import halves, scaled, write_ome
 from hsplat_cli.commands.check import check
 from hsplat_cli.commands.render import render
 from renderer.accuracy import TRUTH_TOLERANCE, compute_truth, psnr
+from renderer.cache import caching_in
 from renderer.frame import FilmStage, prepare_stage, view_of
 from renderer.readers import Blocks, read_part, read_volume
 from renderer.resolve import LevelErrors, resolve_scene
@@ -142,6 +143,58 @@ def test_only_the_chunks_near_rays_are_read_and_each_once(tmp_path: Path, monkey
     assert read.max() == 1
     # The chosen level and coarser ones were read. Level 3, with too few voxels, says where errors are.
     assert found.number < 3 and sorted(reads.boxes) == [0, *range(found.number, 4)]
+
+
+@pytest.mark.usefixtures("one_process")
+def test_chunks_that_were_measured_are_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the finest level is drawn, the rest of it is read, and the voxels are those of the whole level."""
+    scene = scene_of(write_store(tmp_path / "a", rough()), frames=1)
+    reads = _Reads(monkeypatch)
+    monkeypatch.setattr("renderer.resolve.level_errors._NUM_CELLS", 2)
+    volume = resolve_scene(scene, read_volume).at(0).layers[0].volume
+    assert volume.level == 0 and 0 < reads.num_voxels(0) < SIDE**3
+    np.testing.assert_array_equal(read_volume(volume).values, rough())
+    read = np.zeros([SIDE] * 3, np.int64)
+    for box in reads.boxes[0]:
+        read[box] += 1
+    assert read.min() == read.max() == 1
+
+
+@pytest.mark.usefixtures("one_process")
+def test_a_kept_choice_takes_no_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is measured again for another look, for a changed store, and where the entry is damaged."""
+    scene = scene_of(write_store(tmp_path / "a", smooth()), frames=1)
+    monkeypatch.setattr("renderer.cache.kept_arrays.LEAST_BYTES", 0)
+    monkeypatch.setattr("renderer.resolve.level_errors._NUM_CELLS", 2)
+    plain, measured = choice_of(scene), list[LevelErrors]()
+    original = LevelErrors.error_of
+
+    def error_of(errors: LevelErrors, volume_of: Callable[[VolumeSpec], Volume]) -> Any:
+        measured.append(errors)
+        return original(errors, volume_of)
+
+    monkeypatch.setattr(LevelErrors, "error_of", error_of)
+
+    def is_measured(changed: FilmScene) -> bool:
+        measured.clear()
+        choice_of(changed)
+        return bool(measured)
+
+    with caching_in(tmp_path / "cache"):
+        assert choice_of(scene) == plain and measured
+        measured.clear()
+        assert choice_of(scene) == plain and not measured
+        tree = scene_to_dict(scene)
+        elsewhere = tree["output"] | {"file": "/b-{frame}.png"}
+        assert not is_measured(parse_scene(tree | {"output": elsewhere}, base=tmp_path))
+        other = tree["output"] | {"background": "#ff0000"}
+        assert is_measured(parse_scene(tree | {"output": other}, base=tmp_path))
+        for file in (tmp_path / "cache").glob("choice-*/*.npy"):
+            file.write_bytes(b"damaged")
+        assert is_measured(scene) and not is_measured(scene)
+        chunk = next(path for path in (tmp_path / "a" / "0").rglob("*") if path.is_file() and path.name.startswith("0"))
+        chunk.write_bytes(chunk.read_bytes())
+        assert is_measured(scene)
 
 
 @pytest.mark.usefixtures("one_process")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from store_files import field, halves, scaled, write_json, write_n5, write_ome, write_precomputed, zipped_store
+from store_files import field, halves, scaled, sharded, write_json, write_n5, write_ome, write_precomputed, zipped_store
 from store_server import STALL, ServedFolder, served_folder
 from volume_files import read
 
@@ -60,6 +60,19 @@ def test_formats_over_http(tmp_path: Path, server: ServedFolder) -> None:
     write_ome(tmp_path / "b", LEVELS, PLACES, version="0.5")
     for name in ("a.ome.zarr", "a.ozx", "a.n5", "p", "b", "b/"):
         np.testing.assert_array_equal(_read(f"{server.url}/{name}", level=1).values, LEVELS[1])
+
+
+@pytest.mark.usefixtures("one_process")
+def test_no_part_of_a_shard_is_asked_for_twice(
+    tmp_path: Path, server: ServedFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor is the index of a shard, though each slab needs it."""
+    write_ome(tmp_path / "b", [FIELD], PLACES[:1], version="0.5", chunks=[6, 7, 6], codecs=sharded(1, 7, 3))
+    monkeypatch.setattr("renderer.stores.levels._SLAB_BYTES", 1)
+    np.testing.assert_array_equal(_read(f"{server.url}/b").values, FIELD)
+    asked = [(path, part) for path, part in server.parts if "/c/" in path]
+    assert len(asked) == len({*asked}) > 12
+    assert len([part for _, part in asked if part.startswith("bytes=-")]) == 12
 
 
 def test_a_failed_request_is_repeated(server: ServedFolder) -> None:

@@ -164,8 +164,7 @@ def test_damaged_records_are_dropped_and_others_stay(tmp_path: Path, capsys: pyt
     update(tmp_path, [record("z")])
     assert json.loads((tmp_path / MANIFEST_FILE).read_bytes())["made"] == ["by hand"]
     found = films(tmp_path)
-    assert (found[0], found[-1]) == (good, record("z"))
-    assert all(each in odd for each in found[1:-1])
+    assert [each for each in found if each not in odd] == [good, record("z")]
     left_out = "10 records left out: damaged, or of another version of hsplat"
     assert capsys.readouterr().err == f"{tmp_path / MANIFEST_FILE}: {left_out}\n"
 

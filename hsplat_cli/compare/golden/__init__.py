@@ -1,1 +1,1 @@
-"""Keep golden frames of a scene, and the file that records their origin (`hsplat golden`)."""
+"""Keeps the goldens of scenes, and compares, replaces and accepts them."""

@@ -1,264 +1,312 @@
-"""Write goldens: the first ones, or new ones after the user has seen the changes.
-
-All files change together at the end, in an order that survives a kill at any moment: removed goldens first, then
-golden.json, then the new goldens. After a kill golden.json may list a golden that is missing or outdated, which the
-next update repairs. It never lacks a golden that is in the folder: no update would touch an unlisted file.
-"""
+"""Draw goldens of scenes, or new ones after the user has seen the changes."""
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
-import click
-
-from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
-from hsplat_cli.compare.golden.provenance import (
-    PROVENANCE,
-    PROVENANCE_FILE,
+from hsplat_cli.compare.ci_files import change_text
+from hsplat_cli.compare.difference import measure_difference
+from hsplat_cli.compare.frame_comparison import compare_frame
+from hsplat_cli.compare.golden.changes import changes_since
+from hsplat_cli.compare.golden.drawing import DrawnFrames, default_limit, drawn_frames, load_golden_job
+from hsplat_cli.compare.golden.golden_folder import Content
+from hsplat_cli.compare.golden.project import GoldenScene, SceneRules
+from hsplat_cli.compare.golden.record import (
+    MOST_PICTURES,
     Golden,
-    GoldenOrigin,
-    Provenance,
+    GoldenPicture,
+    GoldenRecord,
+    Origin,
     golden_file_name,
-    origin_from_record,
+    picture_digest,
 )
-from hsplat_cli.compare.outcome import Outcome, Pair, compare_pair
-from hsplat_cli.compare.picture_file import read_picture
-from hsplat_cli.compare.scene_pairs import rendered_frames
-from hsplat_cli.terminal import Reporter, format_table
+from hsplat_cli.compare.limit import SAME_BYTES, Limit
+from hsplat_cli.compare.picture_file import file_content, read_picture
+from hsplat_cli.scenes import SceneRequest
+from hsplat_cli.terminal import Reporter, format_table, parse_frames
 from renderer.errors import InputError
-from renderer.film import WrittenFiles, file_digest, lock_slots, staged_files, translate_os_errors
+from renderer.film import Pixels
 from renderer.job import FilmJob
 from renderer.scene import counted, first_few
-from renderer.system import deferrable_interrupts
 
-_STAGING_FOLDER = "golden.unfinished"
-# The metrics that show how much a golden changes, all of which need only numpy. Their limits of 0 report every change.
-_LIMITS = {"largest": 0.0, "densest": 0.0, "p99": 0.0, "bias": 0.0}
-# Largest number of changed goldens that the terminal lists.
+# The largest number of changed goldens that the terminal lists.
 _MAX_LINES = 20
-# Largest number of file names that one message lists.
-_MAX_NAMES = 5
+# The largest number of frames that a line names.
+_MAX_NAMES = 8
 
 
 @dataclass(frozen=True)
 class GoldenOptions:
-    """The values of the options of `hsplat golden`.
+    """The options of `hsplat golden`.
 
-    folder: the folder of the goldens. frames: the numbers of the requested frames; None for the frames that have
-    goldens, or for all frames if there are no goldens. date: the date of goldens whose pictures change; unchanged
-    goldens keep their dates. update: existing goldens may change. prune: goldens of frames that are not requested are
-    removed. yes: existing goldens change without a question.
+    replaces: whether goldens that exist may be replaced. also: whether new pictures become further goldens beside them,
+    for a machine that draws other ones. prunes: whether goldens of other frames are removed.
     """
 
-    folder: Path
-    frames: Sequence[int] | None = None
-    date: str | None = None
-    update: bool = False
-    prune: bool = False
-    yes: bool = False
-
-
-def update_goldens(job: FilmJob, options: GoldenOptions, reporter: Reporter, ask: Callable[[], bool]) -> None:
-    """Render the frames and keep them as goldens; existing goldens change only if `yes` is set or `ask` returns True.
-
-    Raises InputError if goldens exist and no update is requested, if a golden would overwrite an input or another file,
-    or if goldens of another scene would stay; the errors of rendering and writing; and click's Exit with 1 if the user
-    declines.
-    """
-    folder = options.folder
-    with lock_slots(folder / _STAGING_FOLDER, [0], folder / PROVENANCE_FILE):
-        provenance = PROVENANCE.read(folder / PROVENANCE_FILE) if os.path.lexists(folder / PROVENANCE_FILE) else None
-        if provenance is not None and not options.update:
-            raise InputError(
-                "the folder has goldens",
-                where=str(folder),
-                got=counted(len(provenance.frames), "frame"),
-                hint="--update shows what has changed and overwrites them; `hsplat compare SCENE FOLDER` compares",
-            )
-        listed = {golden.frame: golden.file for golden in provenance.frames} if provenance else {}
-        frames = options.frames or [frame for frame in job.frames if frame in listed] or job.frames
-        num_frames = job.scene.num_frames
-        names = {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
-        all_names = {PROVENANCE_FILE, *names.values(), *listed.values()}
-        outputs = WrittenFiles([folder / name for name in sorted(all_names)], [folder / _STAGING_FOLDER])
-        outputs.require_harmless(job.input_files())
-        _require_free(folder, [name for name in names.values() if name not in listed.values()])
-        with rendered_frames(job, frames, reporter) as (files, record):
-            plan = plan_update(options, provenance, names, files, origin_from_record(record))
-            plan.require_one_origin(folder)
-            must_ask = provenance is not None and plan.changes_anything and not options.yes
-            for line in (*(f"note: {note}" for note in record.notes), *describe_update(plan)):
-                (reporter.result if must_ask else reporter.line)(line)
-            if not plan.changes_anything:
-                reporter.line(f"{folder}: nothing changes")
-                return
-            if must_ask and not ask():
-                reporter.result("nothing was written")
-                raise click.exceptions.Exit(1)
-            _apply(plan, folder)
-    num_written, num_goldens = len(plan.changes), len(plan.after.frames)
-    goldens = counted(num_goldens, "golden")
-    written = goldens if num_written == num_goldens else f"{num_written} of {goldens} written"
-    reporter.line(f"{folder}: {written}")
-    reporter.line(f"origin: {folder / PROVENANCE_FILE}")
-
-
-def _apply(plan: GoldenUpdate, folder: Path) -> None:
-    with deferrable_interrupts() as defer_interrupts, staged_files(folder / _STAGING_FOLDER) as write:
-        write(folder / PROVENANCE_FILE, PROVENANCE.content(plan.after))
-        for name, source in sorted(plan.sources.items()):
-            with translate_os_errors(source):
-                content = source.read_bytes()
-            write(folder / name, content)
-        defer_interrupts()
-        for golden in plan.removed:
-            with translate_os_errors(folder / golden.file):
-                (folder / golden.file).unlink(missing_ok=True)
-
-
-def _require_free(folder: Path, new_names: Iterable[str]) -> None:
-    """Raise InputError if a new golden would overwrite a file that golden.json does not list."""
-    foreign = [name for name in new_names if os.path.lexists(folder / name)]
-    if foreign:
-        raise InputError(
-            f"a golden would overwrite a file that {PROVENANCE_FILE} does not list",
-            where=str(folder / foreign[0]),
-            got=f"{len(foreign)} such files" if len(foreign) > 1 else None,
-            hint="move it elsewhere, or choose another folder",
-        )
-
-
-# The plan of an update
+    replaces: bool = False
+    also: bool = False
+    prunes: bool = False
 
 
 @dataclass(frozen=True)
 class GoldenUpdate:
-    """The plan of an update of a folder of goldens.
+    """A change of the goldens of one scene.
 
-    before, after: the content of golden.json before and after the update; `before` is None for the first goldens.
-    changes: the goldens that are written, the largest change first. sources: the rendered picture of each golden that
-    is written, by the golden's file name. removed: goldens that leave golden.json, with their files. unrequested:
-    goldens that are kept although their frames are not requested.
+    before, after: the content of golden.json that the change was planned for, and the new one. contents: functions that
+    return the content of each new file. lines: the change, in words. asks: whether goldens are replaced or removed, so
+    that the user has to agree.
     """
 
-    before: Provenance | None
-    after: Provenance
-    changes: Sequence[Outcome]
-    sources: Mapping[str, Path]
-    removed: Sequence[Golden]
-    unrequested: Sequence[Golden]
+    scene: GoldenScene
+    before: GoldenRecord | None
+    after: GoldenRecord
+    contents: Mapping[str, Content]
+    lines: Sequence[str]
+    asks: bool
 
-    @property
-    def changes_anything(self) -> bool:
-        """Return whether the update writes or removes any file.
+    def apply(self) -> None:
+        """Write the change."""
+        self.scene.folder.change(self.before, self.after, self.contents)
 
-        A new date, version or driver alone is not written: unchanged goldens keep the recorded ones.
-        """
-        is_listed = self.before is not None and self.before.frames == self.after.frames
-        return not is_listed or bool(self.changes or self._scene_changes)
 
-    def require_one_origin(self, folder: Path) -> None:
-        """Raise InputError if goldens of another scene or volume would stay: golden.json has one origin for all."""
-        if self.unrequested and self._scene_changes:
-            raise InputError(
-                f"goldens of another origin would stay, and {PROVENANCE_FILE} has one origin for all",
-                where=str(folder),
-                got=self._scene_changes,
-                hint=f"update all frames, or remove the others by --prune: {_names(self.unrequested)}",
-            )
+def scenes_to_draw(scenes: Sequence[GoldenScene], options: GoldenOptions, reporter: Reporter) -> list[GoldenScene]:
+    """Return the scenes whose goldens are drawn: without `--update` or `--also`, those that have none.
 
-    @property
-    def _scene_changes(self) -> str:
-        """Return how scene and volume changed since the goldens were rendered, in words; empty if they did not."""
-        return "" if self.before is None else self.before.changes(self.after, "volume", "scene")
+    Raises InputError if all have goldens, and none of the options says what becomes of them.
+    """
+    if options.replaces or options.also:
+        return [*scenes]
+    found = [scene for scene in scenes if scene.folder.find() is None]
+    if not found:
+        raise InputError(
+            "this scene has goldens" if len(scenes) == 1 else "all scenes have goldens",
+            where=str(scenes[0].folder.path) if len(scenes) == 1 else None,
+            hint="--update replaces them, --also keeps further ones for this machine",
+        )
+    if len(found) < len(scenes):
+        reporter.note(f"{counted(len(scenes) - len(found), 'scene')} with goldens left alone: --update draws all")
+    return found
 
 
 def plan_update(
-    options: GoldenOptions,
-    before: Provenance | None,
-    names: Mapping[int, str],
-    files: Mapping[int, Path],
-    origin: GoldenOrigin,
-) -> GoldenUpdate:
-    """Return the plan that makes rendered frames the goldens of a folder.
+    scene: GoldenScene, frames: str | None, options: GoldenOptions, reporter: Reporter, drawings: ExitStack
+) -> GoldenUpdate | None:
+    """Draw the frames of a scene, and plan how its goldens change; None if they do not.
 
-    before: the content of golden.json; None for the first goldens. names: the file name of the golden of each requested
-    frame, by frame number. files: the rendered pictures, by frame number. origin: the origin of the rendered pictures.
+    frames: the option of the command line. drawings: keeps the drawn files until the plan has been carried out.
     """
-    listed = {golden.frame: golden for golden in before.frames} if before else {}
-    changes: list[Outcome] = []
-    sources: dict[str, Path] = {}
-    goldens: list[Golden] = []
-    for frame, name in names.items():
-        path = options.folder / name
-        change = _compare(path, files[frame], is_new=frame not in listed)
-        if change.status != "same":
-            changes.append(change)
-            path = sources[name] = files[frame]
-        date = options.date if name in sources else listed[frame].date
-        with translate_os_errors(path):
-            goldens.append(Golden(frame, name, file_digest(path), date))
-    others = [golden for frame, golden in listed.items() if frame not in names]
-    removed = [golden for golden in others if options.prune or not os.path.lexists(options.folder / golden.file)]
-    unrequested = [golden for golden in others if golden not in removed]
-    after = Provenance(**vars(origin), frames=tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame)))
-    changes.sort(key=lambda change: [-change.figures.get(name, math.inf) for name in _LIMITS])
-    return GoldenUpdate(before, after, changes, sources, removed, unrequested)
+    scene.folder.finish()
+    before = scene.folder.find()
+    scene.folder.unlisted(before)
+    job = load_golden_job(SceneRequest(scene.file))
+    numbers = _frames(scene, frames, before, job)
+    names = {golden_file_name(frame, job.scene.num_frames) for frame in numbers} | (before.files if before else set())
+    scene.folder.require_changeable(names, job.input_files())
+    limit = scene.rules.limit or default_limit(job)
+    drawn = drawings.enter_context(drawn_frames(job, numbers, reporter))
+    merger = _Merger(scene, before, drawn, job.scene.num_frames, options, limit)
+    goldens = [merger.golden(frame) for frame in numbers]
+    after = merger.record(goldens)
+    if before == after and not merger.contents:
+        return None
+    lines = [*merger.lines(after), *_neighbour_lines(drawn, numbers, limit)]
+    return GoldenUpdate(scene, before, after, merger.contents, lines, merger.replaces)
 
 
-def _compare(path: Path, source: Path, *, is_new: bool) -> Outcome:
-    """Compare the rendered picture `source` with the golden `path`, which may be new, missing or unreadable."""
-    if is_new or not os.path.lexists(path):
-        return Outcome(path.name, "extra", "is new" if is_new else "is missing")
-    try:
-        golden = read_picture(path)
-    except InputError as error:
-        return Outcome(path.name, "missing", f"cannot be read: {error.what}")
-    return compare_pair(Pair(path.name, golden, read_picture(source)), _LIMITS)
+def _frames(scene: GoldenScene, frames: str | None, before: GoldenRecord | None, job: FilmJob) -> list[int]:
+    """Return the frames that are drawn: those of the option, or the golden ones and those of the project."""
+    if frames is not None or before is None:
+        return [*parse_frames(frames or scene.rules.frames, job.scene.num_frames, job.frames)]
+    there = frozenset(job.frames)
+    found = [golden.frame for golden in before.frames if golden.frame in there]
+    if not found:
+        raise InputError(
+            "the scene has none of the frames that have goldens",
+            where=str(scene.file),
+            got=f"frames up to {job.frames[-1]}",
+            expected=f"frame {before.frames[0].frame}, or others listed in {scene.folder.path}",
+            hint="--update --frames : --prune draws all frames anew",
+        )
+    return sorted([*found, *frames_without_goldens(scene.rules.frames, before, job)])
 
 
-def describe_update(plan: GoldenUpdate) -> Iterator[str]:
-    """Yield lines for the terminal: changes and their size, removed and kept goldens, and the probable cause."""
-    kept = [f"not requested, and kept (--prune removes them): {_names(plan.unrequested)}"] * bool(plan.unrequested)
-    if plan.before is None or not plan.changes_anything:
-        yield from kept
-        return
-    num_changes, frames = len(plan.changes), counted(len(plan.after.frames) - len(plan.unrequested), "frame")
-    if num_changes:
-        yield f"{num_changes} of {frames} change{'s' * (num_changes == 1)}:"
-        yield from _lines_of(plan.changes)
-    else:
-        yield f"no pixel of {frames} changes"
-    if plan.removed:
-        yield f"to be removed, because not requested: {_names(plan.removed)}"
-    yield from kept
-    if not (num_changes or plan.removed) and plan.before.frames != plan.after.frames:
-        yield f"{PROVENANCE_FILE} changes: the files differ from those it lists"
-    cause = plan.before.changes(plan.after)
-    if cause:
-        yield f"changed since they were rendered: {cause}"
+def frames_without_goldens(frames: str | None, record: GoldenRecord, job: FilmJob) -> list[int]:
+    """Return the frames of a project that have no golden. frames: those that golden.yaml names; None for none.
+
+    Raises InputError if the scene has none of the frames.
+    """
+    if frames is None:
+        return []
+    named = parse_frames(frames, job.scene.num_frames, job.frames)
+    golden = {each.frame for each in record.frames}
+    return [number for number in named if number not in golden]
 
 
-def _lines_of(all_changes: Sequence[Outcome]) -> Iterator[str]:
-    shown = all_changes[:_MAX_LINES]
-    measured = [change for change in shown if change.figures]
-    yield from (f"  {change.name}: {change.why}" for change in shown if not change.figures)
-    if measured:
-        header = ["steps, worst first", *(f"{name:>8}" for name in _LIMITS)]
-        rows = [[change.name, *(f"{change.figures[name]:.3g}" for name in _LIMITS)] for change in measured]
-        table = format_table([header, *rows], right_aligned=range(1, len(header)))
-        yield from (f"  {line}" for line in table.splitlines())
-    if len(all_changes) > len(shown):
-        yield f"  and {len(all_changes) - len(shown)} more, none of which changes more"
-    if any(change.passes for change in measured):
-        yield "  0 everywhere: only colours at an alpha of 0 differ"
-    if measured:
-        yield from (f"  {name}: {COMPARISON_METRICS[name].label}" for name in _LIMITS)
+def keeps_files(rules: SceneRules, before: GoldenRecord | None) -> bool:
+    """Return whether goldens are kept as files: by the rules, else as they are kept so far."""
+    if rules.pictures is not None:
+        return rules.pictures == "files"
+    return before is None or bool(before.files)
 
 
-def _names(goldens: Sequence[Golden]) -> str:
-    return first_few([golden.file for golden in goldens], _MAX_NAMES)
+class _Merger:
+    """Merges drawn frames into the goldens of a scene, and keeps account of what changes."""
+
+    def __init__(
+        self,
+        scene: GoldenScene,
+        before: GoldenRecord | None,
+        drawn: DrawnFrames,
+        num_frames: int,
+        options: GoldenOptions,
+        limit: Limit,
+    ) -> None:
+        self._scene, self._before, self._drawn = scene, before, drawn
+        self._num_frames, self._options, self._limit = num_frames, options, limit
+        self._keeps_files = keeps_files(scene.rules, before)
+        self._origins = [*before.origins] if before else []
+        self.contents = dict[str, Content]()
+        self.replaces = False
+        self._rows = list[tuple[str, str]]()
+
+    def golden(self, frame: int) -> Golden:
+        """Return the golden of a drawn frame, with the pictures that it keeps."""
+        picture, before = read_picture(self._drawn.files[frame]), self._before.of_frame(frame) if self._before else None
+        digest = picture_digest(picture)
+        if before is not None:
+            same = next((each for each in before.pictures if each.digest == digest), None)
+            if same is not None:
+                return self._kept(before, same)
+            if self._options.also and any(self._is_close(each, frame, picture) for each in before.pictures):
+                return before
+        self._note(frame, before)
+        psnr = self._drawn.psnr.get(frame)
+        new = GoldenPicture(digest, self._origin(self._drawn.origin), None, psnr)
+        golden = with_picture(frame, before, new, also=self._options.also)
+        return self._with_file(golden, new) if self._keeps_files else golden
+
+    def _kept(self, golden: Golden, same: GoldenPicture) -> Golden:
+        """Return a golden of which a picture was drawn again: with a file that was missing, or without files."""
+        if self._keeps_files:
+            is_there = same.file is not None and self._scene.folder.holds(same)
+            return golden if is_there else self._with_file(golden, same)
+        if any(picture.file is not None for picture in golden.pictures):
+            self.replaces = True
+            self._rows.append((golden_file_name(golden.frame, self._num_frames), "kept as a digest alone"))
+        return replace(golden, pictures=tuple(replace(picture, file=None) for picture in golden.pictures))
+
+    def _with_file(self, golden: Golden, picture: GoldenPicture) -> Golden:
+        """Return a golden whose drawn picture has a file."""
+        name = picture.file or golden_file_name(golden.frame, self._num_frames, golden.free_number)
+        self.contents[name] = partial(file_content, self._drawn.files[golden.frame])
+        return replace(
+            golden, pictures=tuple(replace(each, file=name) if each is picture else each for each in golden.pictures)
+        )
+
+    def _is_close(self, golden: GoldenPicture, frame: int, picture: Pixels) -> bool:
+        """Return whether a drawn picture passes as a golden of the frame."""
+        if golden.file is None or not self._scene.folder.holds(golden):
+            return False
+        other = read_picture(self._scene.folder.file(golden.file))
+        psnr = self._drawn.psnr.get(frame)
+        stated = None if golden.psnr is None or psnr is None else (golden.psnr, psnr)
+        return compare_frame("", other, picture, self._limit, stated).passes
+
+    def record(self, goldens: Sequence[Golden]) -> GoldenRecord:
+        """Return the new content of golden.json, with the goldens of frames that were not drawn."""
+        drawn = {golden.frame for golden in goldens}
+        rest = [golden for golden in self._before.frames if golden.frame not in drawn] if self._before else []
+        if rest and self._options.prunes:
+            self.replaces = True
+            self._rows += [(golden_file_name(each.frame, self._num_frames), "removed") for each in rest]
+        kept = [] if self._options.prunes else rest
+        frames = tuple(sorted([*goldens, *kept], key=lambda golden: golden.frame))
+        return compact(GoldenRecord(tuple(self._origins), frames, None if kept else self._drawn.flicker))
+
+    def lines(self, after: GoldenRecord) -> list[str]:
+        """Return the changes in words."""
+        if self._before is None:
+            return [f"{self._scene.name}: {counted(len(after.frames), 'golden')}"]
+        shown = self._rows[:_MAX_LINES]
+        found = [f"{self._scene.name}: {counted(len(self._rows), 'golden')} of {len(self._before.frames)}"]
+        found += [f"  {line}" for line in format_table(shown).splitlines()] if shown else []
+        if len(self._rows) > len(shown):
+            found.append(f"  and {len(self._rows) - len(shown)} more")
+        changes = [*changes_since(self._before, self._before.frames, self._drawn.origin, self._scene.file)]
+        return [*found, *(f"  {change_text(change)}" for change in changes[:_MAX_NAMES])]
+
+    def _origin(self, origin: Origin) -> int:
+        if origin not in self._origins:
+            self._origins.append(origin)
+        return self._origins.index(origin)
+
+    def _note(self, frame: int, before: Golden | None) -> None:
+        """Note the change of a golden for `lines`."""
+        name = golden_file_name(frame, self._num_frames)
+        if before is None or self._options.also:
+            self._rows.append((name, "new"))
+            return
+        self.replaces = True
+        old = before.pictures[0]
+        if old.file is None or not self._scene.folder.holds(old):
+            self._rows.append((name, "other stored values"))
+            return
+        pictures = read_picture(self._scene.folder.file(old.file)), read_picture(self._drawn.files[frame])
+        self._rows.append((name, compare_frame(name, *pictures, SAME_BYTES).why.partition(";")[0]))
+
+
+def with_picture(frame: int, before: Golden | None, picture: GoldenPicture, *, also: bool) -> Golden:
+    """Return the golden of a frame with another picture, beside those that it has or in place of them.
+
+    Raises InputError if it would have too many.
+    """
+    others = before.pictures if before is not None and also else ()
+    if len(others) == MOST_PICTURES:
+        raise InputError(f"frame {frame} has {MOST_PICTURES} goldens, the most that it can have", where="--also")
+    return Golden(frame, (*others, picture))
+
+
+def compact(record: GoldenRecord) -> GoldenRecord:
+    """Return a record without the origins that no picture has."""
+    used = sorted({picture.origin for golden in record.frames for picture in golden.pictures})
+    numbers = {origin: number for number, origin in enumerate(used)}
+
+    def renumbered(golden: Golden) -> Golden:
+        pictures = [replace(picture, origin=numbers[picture.origin]) for picture in golden.pictures]
+        return replace(golden, pictures=tuple(pictures))
+
+    return replace(
+        record, origins=tuple(record.origins[number] for number in used), frames=tuple(map(renumbered, record.frames))
+    )
+
+
+def _neighbour_lines(drawn: DrawnFrames, frames: Sequence[int], limit: Limit) -> list[str]:
+    """Return a line on neighbouring goldens that would pass as each other: the limit cannot tell them apart."""
+    alike = []
+    for first, second in pairwise(frames):
+        figures = measure_difference(read_picture(drawn.files[first]), read_picture(drawn.files[second]))
+        known = first in drawn.psnr and second in drawn.psnr
+        if limit.passes(figures, (drawn.psnr[first], drawn.psnr[second]) if known else None):
+            alike.append(f"{first} and {second}")
+    if not alike:
+        return []
+    return [f"note: at `{limit}`, {counted(len(alike), 'pair')} of neighbouring goldens would pass as each other: "
+            f"{first_few(alike)}"]  # fmt: skip
+
+
+def update_goldens(updates: Sequence[GoldenUpdate], reporter: Reporter, ask: Callable[[], bool], *, yes: bool) -> bool:
+    """Show all changes, ask once if goldens are replaced, and write them. Return whether they were written."""
+    asks = any(update.asks for update in updates) and not yes
+    for update in updates:
+        for line in update.lines:
+            (reporter.result if asks else reporter.line)(line)
+    if asks and not ask():
+        return False
+    for update in updates:
+        update.apply()
+        reporter.line(f"{update.scene.folder.path}: {counted(len(update.after.frames), 'golden')}")
+    return True

@@ -1,0 +1,348 @@
+"""Read a project of goldens: the scenes, the folder of each one's goldens, their frames and limits.
+
+A project is a file `golden.yaml`, all of whose keys may be left out:
+
+    scenes: [scenes/*.yaml]
+    goldens: goldens
+    frames: ::10
+    limit: same bytes
+    pictures: files
+    each:
+      scenes/engine.yaml: {limit: 45 dB, frames: 0:10}
+
+Without the file, scenes, folders of scenes and patterns on the command line are the project; the goldens of
+`scenes/engine.yaml` are then in `scenes/goldens/engine`.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from hsplat_cli.compare.golden.golden_folder import GoldenFolder
+from hsplat_cli.compare.limit import LIMIT_FIELD, Limit
+from hsplat_cli.compare.picture_file import file_content
+from renderer.errors import InputError, Problem
+from renderer.film import folder_files
+from renderer.scene import (
+    MAX_SCENE_BYTES,
+    TreeEditor,
+    counted,
+    did_you_mean,
+    first_few,
+    join_keys,
+    missing_file_error,
+    parse_yaml_file,
+    raise_problems,
+    schema,
+)
+
+PROJECT_FILE = "golden.yaml"
+_SCENE_SUFFIXES = (".yaml", ".yml")
+# The suffix of a film's sidecar, which stands for its scene where it is named itself.
+_SIDECAR_SUFFIX = ".json"
+# The folder of all goldens, beside the scenes or the file of the project.
+_GOLDENS = "goldens"
+# The paths that golden.yaml may name, for messages.
+_BELOW = f"a path below the folder of {PROJECT_FILE}"
+
+# Whether goldens are kept as picture files, or as digests in golden.json alone.
+Pictures = Literal["files", "digests"]
+_PICTURES_FIELD: schema.FieldType[Pictures] = schema.choice_field("files", "digests")
+
+# A Python slice of frames, or the number of one.
+_FRAMES = re.compile(r"-?[0-9]{1,9}|(?:-?[0-9]{1,9})?:(?:-?[0-9]{1,9})?(?::[0-9]{0,9})?")
+
+
+def _parse_frames(node: schema.TreeNode) -> Any:
+    text = str(node.value) if type(node.value) is int else node.value
+    if not isinstance(text, str) or not _FRAMES.fullmatch(text.replace(" ", "")):
+        return node.reject("not a range of frames")
+    return text
+
+
+_FRAMES_FIELD: schema.FieldType[str] = schema.FieldType("a Python slice such as ::10, or one number", _parse_frames)
+
+
+@dataclass(frozen=True)
+class SceneRules:
+    """The rules for the goldens of a scene; None for a rule that is not given.
+
+    frames: a Python slice of the frames that `hsplat golden` stores first. limit: the largest difference that passes.
+    pictures: how goldens are kept.
+    """
+
+    frames: Annotated[str | None, _FRAMES_FIELD] = None
+    limit: Annotated[Limit | None, LIMIT_FIELD] = None
+    pictures: Annotated[Pictures | None, _PICTURES_FIELD] = None
+
+    def over(self, other: SceneRules) -> SceneRules:
+        """Return these rules, with those of `other` where one is not given."""
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return replace(other, **given)
+
+
+@dataclass(frozen=True)
+class GoldenScene:
+    """A scene of a project. name: the path of the scene in the project, without a suffix. file: the scene's file."""
+
+    name: str
+    file: Path
+    folder: GoldenFolder
+    rules: SceneRules
+
+
+@dataclass(frozen=True)
+class GoldenProject:
+    """A project of goldens.
+
+    root: the folder to which the names of scenes are relative. scenes: at least one, in the order of names. unused:
+    folders of goldens that belong to no scene of the project, which are found only in a project with a file.
+    """
+
+    root: Path
+    scenes: Sequence[GoldenScene]
+    unused: Sequence[Path] = ()
+
+
+@dataclass(frozen=True)
+class _ProjectFile:
+    """The content of golden.yaml."""
+
+    scenes: Annotated[
+        tuple[str, ...] | None, schema.sequence_field(schema.TEXT_FIELD, "a list of scenes and patterns")
+    ] = None
+    goldens: str = _GOLDENS
+    frames: Annotated[str | None, _FRAMES_FIELD] = None
+    limit: Annotated[Limit | None, LIMIT_FIELD] = None
+    pictures: Annotated[Pictures | None, _PICTURES_FIELD] = None
+    each: Annotated[
+        Mapping[str, SceneRules],
+        schema.mapping_field(schema.dataclass_field(SceneRules), "a mapping of scenes to their rules", "a scene"),
+    ] = field(default_factory=dict)
+
+
+def parse_rules(frames: str | None, limit: str | None, pictures: Pictures | None = None) -> SceneRules:
+    """Return the rules that options give. Raises SceneError for a wrong limit."""
+    problems: list[Problem] = []
+    found = None if limit is None else schema.read_option(LIMIT_FIELD, limit, f"--limit {limit}", problems)
+    raise_problems(problems)
+    return SceneRules(frames, found, pictures)
+
+
+def find_project(places: Sequence[str], goldens: Path | None = None, rules: SceneRules | None = None) -> GoldenProject:
+    """Find the scenes that a command line names, and their goldens.
+
+    places: scenes, sidecars of films, folders of scenes or of a golden.yaml, patterns, or a golden.yaml; without any,
+    the golden.yaml of this folder. A scene that a golden.yaml above it lists keeps its rules and goldens where it is
+    named alone. goldens: the folder of all goldens, if the command line names one. rules: those of the command line,
+    which come before those of files.
+    Raises InputError where there is no scene, and SceneError for mistakes in golden.yaml.
+    """
+    rules, found = rules or SceneRules(), dict[Path, GoldenScene]()
+    roots, unused = list[Path](), list[Path]()
+    for place in places or [_own_project()]:
+        for path in _expanded(place):
+            project = _project_at(path, goldens, rules)
+            roots.append(project.root)
+            unused += project.unused
+            for scene in project.scenes:
+                found.setdefault(scene.file.resolve(), scene)
+    return _checked(_joined([Path(os.path.abspath(root)) for root in roots], [*found.values()], unused))
+
+
+def _own_project() -> str:
+    """Return the file of the project in this folder. Raises InputError without one."""
+    if not os.path.lexists(PROJECT_FILE):
+        raise InputError(
+            f"no {PROJECT_FILE} in this folder",
+            where=str(Path.cwd()),
+            expected=f"a scene, a folder of scenes, a pattern such as scenes/*.yaml, or a {PROJECT_FILE} here",
+        )
+    return PROJECT_FILE
+
+
+def _joined(roots: Sequence[Path], scenes: Sequence[GoldenScene], unused: Sequence[Path]) -> GoldenProject:
+    """Return one project of the scenes of several; their names are relative to the folder that all have in common."""
+    root = Path(os.path.commonpath(roots))
+    if len(set(roots)) > 1:
+        scenes = [replace(scene, name=_name(scene.file, root)) for scene in scenes]
+    return GoldenProject(root, sorted(scenes, key=lambda scene: scene.name), unused)
+
+
+def _checked(project: GoldenProject) -> GoldenProject:
+    """Raise InputError if two scenes of a project would share their goldens.
+
+    Some file systems ignore the case of names, or how their accents are coded.
+    """
+    owners = dict[str, GoldenScene]()
+    for scene in project.scenes:
+        place = unicodedata.normalize("NFC", str(scene.folder.path.resolve())).casefold()
+        other = owners.setdefault(place, scene)
+        if other is not scene:
+            is_beside = scene.file.parent.resolve() == other.file.parent.resolve()
+            raise InputError(
+                "two scenes would have the same folder of goldens",
+                where=str(scene.file),
+                got=f"{scene.folder.path}, as of {other.file}",
+                hint="rename one of them" if is_beside else f"list both in a {PROJECT_FILE} above them",
+            )
+    return project
+
+
+def _expanded(place: str) -> list[Path]:
+    """Return the files and folders that a scene, a folder or a pattern names. Raises InputError if there are none."""
+    if not place:
+        raise InputError("an empty name", expected="a scene, a folder, or a pattern such as scenes/*.yaml")
+    if Path(place).exists() or not glob.has_magic(place):
+        return [Path(place)]
+    found = [Path(each) for each in sorted(glob.glob(place, recursive=True)) if _is_scene_name(each)]
+    if not found:
+        raise InputError("no scene matches this pattern", where=place, hint=f"it is relative to {Path.cwd()}")
+    return found
+
+
+def _is_scene_name(name: str) -> bool:
+    """Return whether a file in a folder is a scene by its name; golden.yaml, golden.yml and hidden files are not."""
+    path = Path(name)
+    return path.suffix.lower() in _SCENE_SUFFIXES and not path.name.startswith((".", "golden."))
+
+
+def _project_at(path: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject:
+    """Return the project at a path: of a golden.yaml, of a folder, or of one scene."""
+    if path.is_dir() and os.path.lexists(path / PROJECT_FILE):
+        path /= PROJECT_FILE
+    if path.name == PROJECT_FILE:
+        return _read_project(path, goldens, rules)
+    if path.is_dir():
+        files = sorted(file for file in folder_files(path) if _is_scene_name(file.name))
+        if not files:
+            expected, hint = f"*.yaml, or a {PROJECT_FILE}", f"`--goldens {path}` makes it the folder of all goldens"
+            raise InputError("no scenes in this folder", where=str(path), expected=expected, hint=hint)
+        return _scenes_of(files, path, goldens, rules)
+    _require_scene_name(path)
+    return _scenes_of([path], path.parent, goldens, rules)
+
+
+def _require_scene_name(path: Path) -> None:
+    if not path.exists():
+        raise missing_file_error(path, "no such scene or folder")
+    if path.suffix.lower() in (*_SCENE_SUFFIXES, _SIDECAR_SUFFIX) and not path.name.startswith("golden."):
+        return
+    got = f"a {path.suffix} file" if path.suffix else "no suffix"
+    if path.name.startswith("golden."):
+        got = f"{path.name}, a name that scenes cannot have"
+    raise InputError("not a scene", where=str(path), got=got, expected=f"a .yaml file, a folder, or {PROJECT_FILE}")
+
+
+def _scenes_of(files: Sequence[Path], folder: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject:
+    """Return the project of some scenes in a folder: those that the golden.yaml above them lists are its scenes."""
+    around = _project_around(folder, goldens, rules)
+    listed = {scene.file.resolve(): scene for scene in around.scenes} if around else {}
+    if around is None or not any(file.resolve() in listed for file in files):
+        place = folder / _GOLDENS if goldens is None else goldens
+        return GoldenProject(folder, [_scene(file, folder, place, rules) for file in files])
+    others = [file for file in files if file.resolve() not in listed]
+    if others:
+        raise InputError(
+            f"not in the {PROJECT_FILE} that lists the other scenes",
+            where=str(others[0]),
+            expected=f"scenes that {around.root / PROJECT_FILE} lists",
+        )
+    return GoldenProject(around.root, [replace(listed[file.resolve()], file=file) for file in files])
+
+
+def _project_around(folder: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject | None:
+    """Return the project of the nearest golden.yaml in a folder or above it; None without one."""
+    here = Path(os.path.abspath(folder))
+    for each in (here, *here.parents):
+        if (each / PROJECT_FILE).is_file():
+            return _read_project(Path(os.path.relpath(each)) / PROJECT_FILE, goldens, rules)
+    return None
+
+
+def _scene(file: Path, root: Path, goldens: Path, rules: SceneRules) -> GoldenScene:
+    name = _name(file, root)
+    return GoldenScene(name, file, GoldenFolder(goldens / name.replace("../", "")), rules)
+
+
+def _name(file: Path, root: Path) -> str:
+    """Return the name of a scene: its path from a folder, without a suffix."""
+    return Path(os.path.relpath(file, root)).with_suffix("").as_posix()
+
+
+def _read_project(path: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject:
+    """Read a golden.yaml. Raises InputError, and SceneError with all mistakes in it."""
+    tree = parse_yaml_file(file_content(path, MAX_SCENE_BYTES, f"a {PROJECT_FILE}"), path)
+    problems: list[Problem] = []
+    node = schema.TreeNode({} if tree.data is None else tree.data, "", problems)
+    read: Any = schema.dataclass_field(_ProjectFile).read(node)
+    editor = TreeEditor(tree, path)
+    raise_problems(editor.located_problems(problems))
+    root = path.parent
+    files = sorted(set(_listed_scenes(root, read.scenes, problems)))
+    own_rules = {(root / name).resolve(): name for name in read.each}
+    problems += _unknown_scenes(own_rules, files, root)
+    if not _is_below(read.goldens):
+        problems.append(Problem("goldens", "outside the project", read.goldens, _BELOW))
+    raise_problems(editor.located_problems(problems))
+    if not files:
+        raise InputError("a project without scenes", where=str(path), expected="scenes: [scenes/*.yaml]")
+    folder = root / read.goldens if goldens is None else goldens
+    common = SceneRules(read.frames, read.limit, read.pictures)
+    scenes = []
+    for file in files:
+        name = own_rules.get(file.resolve())
+        own = read.each[name] if name is not None else SceneRules()
+        scenes.append(_scene(file, root, folder, rules.over(own.over(common))))
+    return GoldenProject(root, scenes, [*_unused(folder, scenes)])
+
+
+def _is_below(entry: str) -> bool:
+    return not Path(entry).is_absolute() and ".." not in Path(entry).parts
+
+
+def _listed_scenes(root: Path, listed: Sequence[str] | None, problems: list[Problem]) -> Iterator[Path]:
+    """Yield the scenes of a project's file: those that it lists, or all in its folder."""
+    if listed is None:
+        yield from (file for file in folder_files(root) if _is_scene_name(file.name))
+        return
+    for number, entry in enumerate(listed):
+        key = join_keys("scenes", str(number))
+        if not _is_below(entry):
+            problems.append(Problem(key, "outside the project", entry, _BELOW))
+            continue
+        found = [root / each for each in glob.glob(entry, root_dir=root, recursive=True)]
+        files = [file for file in found if _is_scene_name(file.name) and file.is_file()]
+        if not files:
+            problems.append(Problem(key, "no scene has this name", entry, "a scene, or a pattern"))
+        yield from files
+
+
+def _unknown_scenes(rules: Mapping[Path, str], files: Sequence[Path], root: Path) -> Iterator[Problem]:
+    """Yield a problem for each scene that has rules of its own, but is not in the project."""
+    known = {file.resolve() for file in files}
+    names = [Path(os.path.relpath(file, root)).as_posix() for file in files]
+    for place, name in rules.items():
+        if place not in known:
+            hint = did_you_mean(name, names)
+            yield Problem(join_keys("each", name), "no such scene in the project", hint=hint, at_key=True)
+
+
+def _unused(folder: Path, scenes: Sequence[GoldenScene]) -> Iterator[Path]:
+    """Yield the folders with a golden.json that belong to no scene."""
+    used = {scene.folder.path.resolve() for scene in scenes}
+    for record in sorted(folder.rglob("golden.json")) if folder.is_dir() else ():
+        if record.parent.resolve() not in used and not record.parent.name.startswith("golden."):
+            yield record.parent
+
+
+def unused_error(unused: Sequence[Path]) -> str:
+    """Return why goldens without a scene are a failure."""
+    return f"{counted(len(unused), 'folder')} of goldens without a scene: {first_few([str(each) for each in unused])}"

@@ -1,0 +1,154 @@
+"""Write a report: a folder with report.json, the page, pictures of films that fail, and files for CI.
+
+    report/
+      index.html           the page
+      report.json          all outcomes, and what drew the new pictures
+      junit.xml            the outcomes, as CI systems read them
+      code-quality.json    the changed keys of scenes, as GitLab shows them
+      summary.md           a table, as GitHub shows it
+      films/0/old/frame-0007.png, films/0/new/frame-0007.png
+
+It is made under a temporary name and renamed at the end. It replaces an earlier report, and nothing else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hsplat_cli.compare.golden.record import picture_digest
+from hsplat_cli.compare.outcome import REPORT, Comparison, ReportPicture
+from renderer.errors import InputError
+from renderer.film import Pixels, encode_png, folder_files, translate_os_errors
+from renderer.scene import read_json_object
+
+REPORT_FILE = "report.json"
+PAGE_FILE = "index.html"
+_PICTURES = "films"
+# All names in a report: a folder with others is not replaced.
+_NAMES = {REPORT_FILE, PAGE_FILE, _PICTURES, "junit.xml", "code-quality.json", "summary.md"}
+
+
+@dataclass(frozen=True)
+class PictureStore:
+    """A place for the pictures of one film in a report. folder: its folder in the report; None to keep no pictures."""
+
+    root: Path
+    folder: Path | None
+
+    def add(self, side: str, name: str, content: bytes, digest: str, psnr: float | None = None) -> ReportPicture:
+        """Keep a picture. side: `old` or `new`. content: of its PNG file."""
+        if self.folder is None:
+            return ReportPicture(digest, "", psnr)
+        path = self.folder / side / name
+        with translate_os_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        return ReportPicture(digest, path.relative_to(self.root).as_posix(), psnr)
+
+    def add_pixels(self, side: str, name: str, picture: Pixels) -> ReportPicture:
+        """Keep a picture that is known as an array."""
+        return self.add(side, name, encode_png(picture), picture_digest(picture))
+
+    def drop(self) -> None:
+        """Remove all pictures of the film."""
+        if self.folder is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            with contextlib.suppress(OSError):  # other films have pictures, or this one had none
+                self.folder.parent.rmdir()
+
+
+class ReportFolder:
+    """A report that is being made. path: its folder in the end; None to make no report."""
+
+    def __init__(self, path: Path | None, making: Path | None) -> None:
+        self.path, self._making = path, making
+
+    def pictures(self, number: int) -> PictureStore:
+        """Return the place for the pictures of a film. number: the index of the film."""
+        if self._making is None:
+            return PictureStore(Path(), None)
+        return PictureStore(self._making, self._making / _PICTURES / str(number))
+
+    def write(self, comparison: Comparison) -> None:
+        """Write all files of the report beside the pictures."""
+        if self._making is None:
+            return
+        # Imported here: no report needs no templates.
+        from hsplat_cli.compare.ci_files import code_quality, junit, summary_markdown
+        from hsplat_cli.compare.page import report_page
+
+        contents = {
+            REPORT_FILE: REPORT.content(comparison),
+            PAGE_FILE: report_page(comparison).encode(),
+            "junit.xml": junit(comparison).encode(),
+            "code-quality.json": code_quality(comparison).encode(),
+            "summary.md": summary_markdown(comparison).encode(),
+        }
+        for name, content in contents.items():
+            with translate_os_errors(self._making / name):
+                (self._making / name).write_bytes(content)
+
+
+@contextlib.contextmanager
+def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[ReportFolder]:
+    """Open a report, which gets its name at the end of the block. An earlier report of this name is removed first.
+
+    inputs: files and folders that are read. If the block raises, there is no report. Raises InputError if something
+    else has the name, or if an input is in the earlier report.
+    """
+    if path is None:
+        yield ReportFolder(None, None)
+        return
+    _require_replaceable(path, inputs)
+    with translate_os_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(path, ignore_errors=True)
+        making = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+    try:
+        making.chmod(0o777 & ~_umask())
+        yield ReportFolder(path, making)
+        with translate_os_errors(path):
+            making.rename(path)
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
+
+
+def _require_replaceable(path: Path, inputs: Iterable[Path]) -> None:
+    """Raise InputError if a report would replace anything but an earlier report, or an empty folder, or an input."""
+    if not os.path.lexists(path):
+        return
+    places = [Path.cwd(), *inputs]
+    place = path.resolve()
+    inside = next((each for each in places if place in (each.resolve(), *each.resolve().parents)), None)
+    if path.is_symlink():
+        got = "a link"
+    elif not path.is_dir():
+        got = "a file"
+    elif inside is not None:
+        got = f"a folder with {inside}, which is read"
+    elif not _is_report(path) and any(folder_files(path)):
+        got = "a folder with other files"
+    else:
+        return
+    raise InputError("a report cannot replace this", where=f"--report {path}", got=got, expected="a new name")
+
+
+def _is_report(path: Path) -> bool:
+    """Return whether a folder is an earlier report, without any other files."""
+    if not {each.name for each in folder_files(path)} <= _NAMES:
+        return False
+    data = read_json_object(path / REPORT_FILE, REPORT.max_bytes) or {}
+    return str(data.get("format")).startswith("hsplat comparison")
+
+
+def _umask() -> int:
+    """Return the permissions that new files lack."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

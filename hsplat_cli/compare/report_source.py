@@ -1,0 +1,150 @@
+"""Read reports, from a folder or from a ZIP archive, which anybody may have edited.
+
+An artifact of a CI job may hold several reports: one of each test, or of each machine.
+Names of pictures must be those that a report gives, no link is followed, and sizes are checked before memory is taken.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import stat
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Protocol
+
+from hsplat_cli.compare.outcome import REPORT, Comparison
+from hsplat_cli.compare.picture_file import MAX_FILE_BYTES, file_content
+from hsplat_cli.compare.report_folder import REPORT_FILE
+from renderer.errors import InputError
+from renderer.scene import may_be_json, require_file
+
+# The names of pictures in a report.
+_PICTURE = re.compile(r"films/[0-9]{1,6}/(?:old|new)/[^/\\]{1,200}\.png")
+# The most reports of an artifact: one of each test of a large suite.
+_MAX_REPORTS = 10_000
+# The most entries of an archive: two pictures for each frame of a thousand films of a hundred frames. Python keeps
+# about 600 bytes of each.
+_MAX_ENTRIES = 200_000
+# The ways of compression that are read. Others take as much memory as the archive says.
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+# The errors of Python's reader of archives; it raises some that are not documented for damaged ones.
+_ERRORS = (
+    zipfile.BadZipFile,
+    NotImplementedError,
+    RuntimeError,
+    EOFError,
+    OSError,
+    ValueError,
+    struct.error,
+    zlib.error,
+)
+
+
+class ReportSource(Protocol):
+    """A report that can be read. path: its place, for messages."""
+
+    path: Path
+
+    def read(self, name: str, max_bytes: int) -> bytes:
+        """Return the content of a file. Raises InputError if it is missing, no plain file, or too large."""
+
+
+class _Folder:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def read(self, name: str, max_bytes: int) -> bytes:
+        place = self.path / name
+        steps = [place, *place.parents[: len(Path(name).parts) - 1]]
+        if any(step.is_symlink() for step in steps):
+            raise InputError("a link in a report", where=str(place), expected="a plain file")
+        return file_content(place, max_bytes, f"{name} of a report")
+
+
+class _Archive:
+    """A report in an archive. root: its folder there, with a slash at its end; empty at the top of the archive."""
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile, root: str) -> None:
+        self.path, self._archive, self._root = path / root, archive, root
+
+    def read(self, name: str, max_bytes: int) -> bytes:
+        try:
+            entry = self._archive.getinfo(f"{self._root}{name}")
+        except KeyError:
+            raise InputError("a file is missing in this report", where=str(self.path), got=name) from None
+        mode = entry.external_attr >> 16
+        is_plain = entry.compress_type in _METHODS and stat.S_IFMT(mode) in (0, stat.S_IFREG)
+        if entry.is_dir() or entry.flag_bits & 1 or not is_plain:
+            raise InputError("not a plain file in this report", where=str(self.path), got=name)
+        too_large = InputError(
+            "too large a file in this report", where=str(self.path), got=name, expected=f"at most {max_bytes} bytes"
+        )
+        if entry.file_size > max_bytes:
+            raise too_large
+        try:
+            with self._archive.open(entry) as file:
+                content = file.read(max_bytes + 1)
+        except _ERRORS as error:
+            raise InputError("a damaged file in this report", where=str(self.path), got=name) from error
+        if len(content) > max_bytes:
+            raise too_large
+        return content
+
+
+@contextlib.contextmanager
+def open_reports(path: Path) -> Iterator[Sequence[ReportSource]]:
+    """Open all reports in a folder or in a ZIP archive, at least one. Raises InputError where there is none.
+
+    path: the folder, the archive, or report.json in a folder. A folder with a report is that report alone.
+    """
+    expected = f"the folder of a report, or a ZIP archive of it, with {REPORT_FILE}"
+    if path.name == REPORT_FILE and path.is_file():
+        path = path.parent
+    if path.is_dir():
+        folders = [path] if os.path.lexists(path / REPORT_FILE) else _folders(path)
+        yield _checked([_Folder(folder) for folder in folders], path)
+        return
+    if not path.exists():
+        raise InputError("no such report", where=str(path), expected=expected)
+    require_file(path, expected)
+    try:
+        archive = zipfile.ZipFile(path)
+    except _ERRORS as error:
+        raise InputError("not a report", where=str(path), expected=expected) from error
+    with archive:
+        names = archive.namelist()
+        if len(names) > _MAX_ENTRIES or len(set(names)) < len(names):
+            raise InputError("not a report", where=str(path), got="an archive with equal names, or too many")
+        roots = sorted(name.removesuffix(REPORT_FILE) for name in names if PurePosixPath(name).name == REPORT_FILE)
+        yield _checked([_Archive(path, archive, root) for root in roots], path)
+
+
+def _folders(path: Path) -> list[Path]:
+    """Return the folders with a report below a folder. Links are not followed."""
+    return sorted(Path(folder) for folder, _, names in os.walk(path) if REPORT_FILE in names)
+
+
+def _checked(reports: Sequence[ReportSource], path: Path) -> Sequence[ReportSource]:
+    if not 0 < len(reports) <= _MAX_REPORTS:
+        got = f"{len(reports)} files {REPORT_FILE}"
+        raise InputError("not a report", where=str(path), got=got, expected=f"from 1 to {_MAX_REPORTS}")
+    return reports
+
+
+def read_report(source: ReportSource) -> Comparison:
+    """Return the outcomes in a report. Raises InputError, and SceneError with all mistakes in report.json."""
+    path = source.path / REPORT_FILE
+    content = source.read(REPORT_FILE, REPORT.max_bytes)
+    return REPORT.from_json(REPORT.load(content, path) if may_be_json(content) else {}, path)
+
+
+def read_report_picture(source: ReportSource, name: str) -> bytes:
+    """Return the content of the file of a picture in a report. Raises InputError for another name."""
+    if not _PICTURE.fullmatch(name) or ".." in name:
+        raise InputError("not a picture of a report", where=str(source.path), got=name)
+    return source.read(name, MAX_FILE_BYTES)

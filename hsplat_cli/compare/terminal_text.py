@@ -1,0 +1,42 @@
+"""Describe the outcomes of a comparison for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hsplat_cli.compare.ci_files import change_text, nearness_text
+from hsplat_cli.compare.outcome import ComparedFilm, Comparison
+from hsplat_cli.terminal import format_table
+from renderer.scene import counted
+from renderer.system import PrintableText, join_lines
+
+# The most failing frames of a film, and the most changes of a scene, that the terminal shows.
+_MOST_ROWS = 10
+_MOST_CHANGES = 8
+
+
+def comparison_text(comparison: Comparison) -> PrintableText:
+    """Return the verdicts on all films, with the reasons of those that do not pass, the worst last."""
+    lines: list[str] = []
+    for film in reversed(comparison.worst_first):
+        lines += _film_lines(film, is_only=len(comparison.films) == 1)
+    if len(comparison.films) > 1:
+        lines.append(comparison.summary)
+    return join_lines(lines)
+
+
+def _film_lines(film: ComparedFilm, *, is_only: bool) -> Iterator[str]:
+    if film.verdict == "fails":
+        rows = [(frame.name, frame.status, frame.why) for frame in film.failing[:_MOST_ROWS]]
+        yield format_table([("frame", "status", "reason"), *rows])
+        if len(film.failing) > len(rows):
+            yield f"... and {counted(len(film.failing) - len(rows), 'more frame')} that fail"
+        for frame in film.failing:
+            if frame.nearer is not None:
+                yield f"{frame.name}: {nearness_text(frame)}"
+        for change in film.changes[:_MOST_CHANGES]:
+            place = f"{film.scene}:{change.line}: " if change.line else ""
+            yield f"{place}{change_text(change)}"
+    yield film.summary if is_only else f"{film.name}: {film.summary}"
+    yield from (f"note: {note}" for note in film.notes)
+    yield from (f"note: nothing matches {file} any more" for file in film.outdated)

@@ -1,0 +1,345 @@
+"""`hsplat compare` draws the scenes of a project again, and fails wherever a golden is not matched, or not there."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from golden_projects import (
+    CHANGE,
+    ENGINE,
+    NAMES,
+    SCENE,
+    compare,
+    edit_scene,
+    files,
+    golden,
+    golden_json,
+    report,
+    statuses,
+)
+from small_scene import edit_sidecar
+
+from hsplat_cli import main
+from renderer.film import decode_png, encode_png
+
+pytestmark = pytest.mark.usefixtures("project")
+
+
+def test_an_unchanged_project_passes(capsys: pytest.CaptureFixture[str]) -> None:
+    before = files()
+    assert main.run(["compare", "scenes"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "2 films: 2 pass"
+    assert files() == before
+    assert compare() == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_change_is_reported_at_its_line(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    edit_scene()
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
+    Path("summary.md").write_text("before\n", "utf-8")
+    code, films = report()
+    out = capsys.readouterr().out.splitlines()
+    assert code == 1
+    assert statuses(films["engine"]) == ["different"] * 4 and statuses(films["box"]) == ["same"] * 4
+    (change,) = films["engine"]["changes"]
+    assert change == {"key": "transfer_function.points.2.color", "was": "#ffffff", "now": "#ff0000", "line": 6}
+    commands = [line for line in out if line.startswith("::error ")]
+    assert [line.split(",title")[0] for line in commands] == ["::error file=scenes/engine.yaml,line=6"]
+    assert out[0].startswith("::stop-commands::") and out.index(f"::{out[0].split('::')[2]}::") < out.index(commands[0])
+    assert Path("summary.md").read_text("utf-8").startswith("before\n### 2 films: 1 fail, 1 pass\n")
+    assert {path.name for path in Path("report").iterdir()} == {
+        "index.html", "report.json", "junit.xml", "code-quality.json", "summary.md", "films"
+    }  # fmt: skip
+    assert ElementTree.parse("report/junit.xml").getroot().tag == "testsuites"
+    assert json.loads(Path("report/code-quality.json").read_bytes())[0]["location"]["lines"] == {"begin": 6}
+    (folder,) = Path("report/films").iterdir()  # films that pass have no pictures
+    assert sorted(files(folder)) == sorted(str(folder / side / name) for side in ("old", "new") for name in NAMES)
+
+
+def test_the_new_pictures_are_those_that_render_draws() -> None:
+    edit_scene()
+    _, films = report()
+    assert main.run(["render", "scenes/engine.yaml", "--output", "drawn/{frame:04}.png", "--quiet"]) == 0
+    for number, frame in enumerate(films["engine"]["frames"]):
+        assert Path("report", frame["new"]["file"]).read_bytes() == Path(f"drawn/{number:04}.png").read_bytes()
+        assert Path("report", frame["old"]["file"]).read_bytes() == (ENGINE / NAMES[number]).read_bytes()
+
+
+def test_the_nearer_picture_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """A coarser tolerance is further from the exact picture."""
+    edit_scene("tolerance: 0.1, probes: 16", "tolerance: 8")
+    _, films = report()
+    out = capsys.readouterr().out
+    measured = [frame for frame in films["engine"]["frames"] if "nearer" in frame]
+    assert len(measured) == 3, "the worst"
+    for frame in measured:
+        assert frame["nearer"]["differs"] and frame["nearer"]["old"] > frame["nearer"]["new"] + 5
+        assert f"{frame['name']}: further from the exact picture" in out
+
+
+@pytest.mark.parametrize(("limit", "code"), [("same bytes", 1), ("60", 1), ("20 dB", 0)])
+def test_the_limit_decides(limit: str, code: int) -> None:
+    edit_scene("tolerance: 0.1", "tolerance: 0.2")
+    assert compare("scenes/engine.yaml", "--limit", limit) == code
+
+
+def test_stated_accuracies_allow_another_tolerance_and_no_other_look() -> None:
+    """Both state theirs by exact rays through most of the pixels."""
+    edit_scene("probes: 16", "probes: 900")
+    edit_scene("tolerance: 0.1", "tolerance: 0.4")
+    assert golden("scenes/engine.yaml", "--update", "--yes") == 0
+    edit_scene("tolerance: 0.4", "tolerance: 0.1")
+    assert compare("scenes/engine.yaml") == 1
+    assert compare("scenes/engine.yaml", "--limit", "stated accuracy") == 0
+    edit_scene()
+    assert compare("scenes/engine.yaml", "--limit", "stated accuracy") == 1
+
+
+# Failures that are easily passed in silence
+
+
+def test_a_missing_picture_fails() -> None:
+    (ENGINE / NAMES[1]).unlink()
+    code, films = report()
+    assert (code, statuses(films["engine"])) == (1, ["same", "missing", "same", "same"])
+
+
+def test_fewer_frames_fail() -> None:
+    edit_scene("frames: 4", "frames: 3")
+    code, films = report()
+    assert code == 1
+    assert statuses(films["engine"])[3] == "missing"
+
+
+def test_another_size_fails() -> None:
+    edit_scene("size: [32, 32]", "size: [32, 16]")
+    code, films = report()
+    assert (code, statuses(films["engine"])) == (1, ["other size"] * 4)
+
+
+def test_a_lost_alpha_fails() -> None:
+    edit_scene("size: [32, 32]", "size: [32, 32]\n  background: transparent")
+    code, films = report("--limit", "1")
+    assert (code, statuses(films["engine"])) == (1, ["other channels"] * 4)
+
+
+def test_a_golden_that_was_edited_fails() -> None:
+    """It is not the picture that golden.json describes, even if it is the one that is drawn."""
+    edit_scene()
+    report()
+    shutil.copy("report/films/1/new/frame-0002.png", ENGINE)
+    _, films = report()
+    frame = films["engine"]["frames"][2]
+    assert frame["status"] == "different"
+    assert frame["why"].startswith("frame-0002.png is not the picture that golden.json describes")
+
+
+def test_one_step_in_one_pixel_fails() -> None:
+    path = ENGINE / NAMES[3]
+    pixels = decode_png(path.read_bytes()).copy()
+    pixels[5, 5, 1] ^= 1
+    path.write_bytes(encode_png(pixels))
+    assert compare() == 1
+
+
+@pytest.mark.parametrize("spoil", ["no goldens", "no record", "damaged", "other format", "no scene", "a bad scene"])
+def test_what_cannot_be_compared_has_the_code_2(spoil: str, capsys: pytest.CaptureFixture[str]) -> None:
+    error = {
+        "no goldens": "this scene has no goldens",
+        "no record": "this scene has no goldens",
+        "damaged": "frame-0002.png: the PNG file is cut off",
+        "other format": "format 'hsplat golden 2'",
+        "no scene": "1 folder of goldens without a scene: scenes/goldens/engine",
+        "a bad scene": "camera.path.frames",
+    }[spoil]
+    if spoil == "no goldens":
+        shutil.rmtree(ENGINE)
+    elif spoil == "no record":
+        (ENGINE / "golden.json").unlink()
+    elif spoil == "damaged":
+        (ENGINE / NAMES[2]).write_bytes((ENGINE / NAMES[2]).read_bytes()[:-20])
+    elif spoil == "other format":
+        edit_sidecar(ENGINE / "golden.json", lambda data: data.update(format="hsplat golden 2"))
+    elif spoil == "no scene":
+        Path("scenes/golden.yaml").touch()
+        Path("scenes/engine.yaml").unlink()
+    else:
+        edit_scene("frames: 4", "frames: none")
+    code, films = report()
+    assert code == 2
+    assert [name for name, film in films.items() if "error" not in film] == ["box"], "the rest is compared"
+    assert error in capsys.readouterr().out
+    root = ElementTree.parse("report/junit.xml").getroot()
+    assert [suite.get("errors") for suite in root] == ["1", "0"]
+    assert [path.name for path in Path("report").glob("films/*")] == [], "no picture is left"
+
+
+def test_pictures_that_golden_json_has_lost() -> None:
+    edit_sidecar(ENGINE / "golden.json", lambda data: data["frames"].pop())
+    assert compare() == 2
+
+
+def test_an_error_of_the_command_leaves_no_report() -> None:
+    """Nor the report of an earlier comparison, which passed."""
+    assert report()[0] == 0
+    assert compare("nowhere", "--report", "report") == 2
+    assert not Path("report").exists()
+
+
+# Options
+
+
+def test_options_change_all_scenes() -> None:
+    np.save("scan.npy", np.arange(2048, dtype=np.uint8).reshape(8, 16, 16))
+    code, films = report("scenes", "--volume", "scan.npy", "--set", "error.tolerance=0.2", "--frames", "1:3")
+    assert code == 1
+    for film in films.values():
+        assert [frame["frame"] for frame in film["frames"]] == [1, 2]
+        keys = {change["key"] for change in film["changes"]}
+        assert {"volume.fingerprint", "error.tolerance"} <= keys
+        assert not any("nearer" in frame for frame in film["frames"]), "goldens show another volume"
+
+
+def test_another_device_is_named_and_no_failure() -> None:
+    def other_device(data: dict[str, object]) -> None:
+        data["origins"][0].update(device="another driver", versions={"numpy": "1"})  # type: ignore[index]
+
+    edit_sidecar(ENGINE / "golden.json", other_device)
+    code, films = report()
+    changes = {change["key"]: change["was"] for change in films["engine"]["changes"]}
+    assert code == 0
+    assert changes == {"device": "another driver", "version of numpy": "1"}
+
+
+def test_rules_of_a_project_file() -> None:
+    Path("golden.yaml").write_text(
+        "scenes: [scenes/*.yaml]\ngoldens: scenes/goldens\nlimit: 20\neach: {scenes/box.yaml: {limit: same bytes}}\n"
+    )
+    Path("scenes/goldens").rename("moved")
+    Path("scenes/goldens").mkdir()
+    Path("moved").rename("scenes/goldens/scenes")
+    for name in ("engine", "box"):
+        edit_scene("tolerance: 0.1", "tolerance: 0.2", name)
+    code, films = report(".")
+    assert code == 1
+    assert {name: film["limit"] for name, film in films.items()} == {
+        "scenes/box": "same bytes",
+        "scenes/engine": "20 dB",
+    }
+    assert set(statuses(films["scenes/engine"])) == {"close"}
+    assert compare("scenes/engine.yaml") == 0
+
+
+def test_frames_of_a_project_file_without_goldens_are_drawn_and_can_be_accepted() -> None:
+    assert golden("scenes", "--update", "--yes", "--frames", "::2", "--prune") == 0
+    Path("golden.yaml").write_text("scenes: [scenes/*.yaml]\ngoldens: scenes/goldens\nframes: '::1'\n")
+    Path("scenes/goldens").rename("moved")
+    Path("scenes/goldens").mkdir()
+    Path("moved").rename("scenes/goldens/scenes")
+    code, films = report(".")
+    assert code == 1
+    for film in films.values():
+        assert statuses(film) == ["same", "new"] * 2
+        assert [frame["name"] for frame in film["frames"]] == NAMES
+        assert all(Path("report", frame["new"]["file"]).is_file() for frame in film["frames"][1::2])
+    assert golden(".", "--accept", "report", "--only", "scenes/engine:1") == 0
+    assert statuses(report(".")[1]["scenes/engine"]) == ["same", "same", "same", "new"]
+    assert compare(".", "--frames", "::2") == 0, "an option selects goldens"
+    assert golden(".", "--update", "--yes") == 0
+    assert compare(".") == 0
+
+
+def test_mistakes_of_a_scene_are_reported_at_their_lines(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edit_scene("elevation: 20", "elevatio: 20")
+    edit_scene("tolerance: 0.1", "tolerance: -1")
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_WORKSPACE", str(Path.cwd()))
+    monkeypatch.chdir("scenes")
+    assert compare(".") == 2
+    out = capsys.readouterr().out
+    assert [line for line in out.splitlines() if line.startswith("::error ")] == [
+        "::error file=scenes/engine.yaml,line=8,title=golden film engine::camera.path.elevatio: unknown key; "
+        "expected: type, frames, start, elevation, axis or seconds; hint: did you mean elevation?",
+        "::error file=scenes/engine.yaml,line=9,title=golden film engine::error.tolerance: out of range; got: -1; "
+        "expected: a number of at least 0",
+    ]
+    assert "^" not in out, "the one line of a film has no excerpt of the file"
+
+
+def test_a_sidecar_is_a_scene() -> None:
+    """It has the tolerances of a time budget, which a scene with one has not: its frames cannot be golden."""
+    text = SCENE.replace("tolerance: 0.1, probes: 16", "seconds: 5")
+    Path("timed.yaml").write_text(text, "utf-8")
+    assert golden("timed.yaml") == 2
+    assert main.run(["render", "timed.yaml", "--quiet"]) == 0
+    assert golden("film.mp4.json") == 0
+    assert Path("goldens/film.mp4/golden.json").exists()
+    code, films = report("film.mp4.json")
+    assert (code, statuses(films["film.mp4"])) == (0, ["same"] * 4)
+
+
+def test_goldens_of_several_machines_and_one_that_nothing_matches_any_more(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    edit_scene(*CHANGE)
+    assert golden("scenes/engine.yaml", "--also") == 0
+    edit_scene(CHANGE[1], "#00ff00")
+    assert golden("scenes/engine.yaml", "--also") == 0
+    assert len(golden_json()["origins"]) == 3
+    code, films = report()
+    assert code == 0
+    assert [frame["golden"] for frame in films["engine"]["frames"]] == [3] * 4
+    outdated = films["engine"]["outdated"]
+    assert [name for name in outdated if name.startswith("frame-0000")] == ["frame-0000.png", "frame-0000-2.png"]
+    edit_scene("#00ff00", "#0000ff")
+    code, films = report()
+    assert (code, statuses(films["engine"])) == (1, ["different"] * 4)
+    assert "outdated" not in films["engine"]
+
+
+# Reports
+
+
+@pytest.mark.parametrize("place", ["mine", "mine/file", "link", "scenes", ".", "..", "scenes/goldens/engine"])
+def test_a_report_replaces_nothing_else(place: str) -> None:
+    Path("mine").mkdir()
+    Path("mine/file").touch()
+    Path("mine/report.json").write_text('{"format": "hsplat comparison 1"}')
+    Path("link").symlink_to("mine")
+    before = files()
+    assert compare("scenes", "--report", place) == 2
+    assert files() == before
+
+
+def test_a_report_does_not_replace_what_is_compared() -> None:
+    edit_scene()
+    report()
+    before = files()
+    assert compare("report/films/1/old", "report/films/1/new", "--report", "report") == 2
+    shutil.copytree("scenes/goldens", "report/films/goldens")
+    assert compare("scenes", "--goldens", "report/films/goldens", "--report", "report") == 2
+    shutil.rmtree("report/films/goldens")
+    assert files() == before
+    assert compare("scenes", "--report", "report") == 1
+
+
+def test_an_empty_folder_becomes_a_report() -> None:
+    Path("report").mkdir()
+    assert report()[0] == 0
+
+
+def test_equal_comparisons_have_equal_reports() -> None:
+    edit_scene()
+    report()
+    before = files(Path("report"))
+    report()
+    assert files(Path("report")) == before
