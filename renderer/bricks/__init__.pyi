@@ -44,3 +44,4 @@ from .pixel_grid import (
 )
 from .sampling import step_sizes as step_sizes
 from .subvoxel import make_channel_curve as make_channel_curve
+from .texels import voxel_texels as voxel_texels

@@ -13,6 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from renderer.bricks.bricks import BrickLevel, Bricks
+from renderer.bricks.layout import HALO, PADDED_BRICK_SIZE
+from renderer.bricks.texels import voxel_texels
+from renderer.kernels import VoxelTexels
 from renderer.scene import ClipSpec, ShadingSpec
 from renderer.volume import Volume
 
@@ -32,6 +35,22 @@ class BrickLayer:
         If voxels are colours, faces have no light of their own: such voxels are lit before they are interpolated.
         """
         return self.shading is not None and self.shading.cut_faces and self.bricks.volume.colors is None
+
+    @cached_property
+    def voxel_texels(self) -> VoxelTexels | None:
+        """Return the form of texels of level 0 that are voxels; None if they must be float32."""
+        return voxel_texels(self.bricks)
+
+    def texel_floats(self, *, keeps_voxels: bool) -> int:
+        """Return the number of floats, or of words of four bytes, that the texels of a brick of level 0 take.
+
+        keeps_voxels: whether texels are voxels where they can be.
+        """
+        if keeps_voxels and self.voxel_texels is not None:
+            side = PADDED_BRICK_SIZE + (2 * HALO if self.shading else 0)  # gradients need one more voxel on each side
+            return side**3 * self.voxel_texels.num_bytes // 4
+        has_channels = self.shading is not None or self.bricks.volume.colors is not None
+        return PADDED_BRICK_SIZE**3 * (4 if has_channels else 1)
 
 
 @dataclass(frozen=True)

@@ -56,5 +56,6 @@ def extremes_at(batch: BrickBatch, tolerance: float, voxel_px: float) -> BrickBa
     return replace(
         batch,
         screen_sampling=screen_sampling_at(tolerance, voxel_px, voxel_px * thinnest),
+        samples_per_voxel=voxel_px**2,
         extremes=replace(batch.extremes, slack=0.0 if batch.extremes.by_depth else SLACK_SHARE * tolerance),
     )

@@ -26,12 +26,15 @@ import numpy as np
 from renderer.bricks.brick_means import means_of_bricks
 from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import voxels_of
-from renderer.kernels import TexelRules, kernels
-from renderer.transfer import range_width
+from renderer.kernels import TexelRules, VoxelTexels, kernels
+from renderer.transfer import MAX_NORMALIZED_SCALAR, range_width
 from renderer.volume import Float32, Float64, Int32, Int64, Volume
 
 # The exponent of the largest power of two by which the differences of small scalars are multiplied.
 _LARGEST_EXPONENT = 1000
+
+# Kernels compute the scalars of voxels as integers of 32 bits: the magnitude of the lowest one must be below this.
+_MAX_LOWEST = 2.0**30
 
 # The direction to the light if the normals of labels do not turn towards a light.
 NO_LIGHT = np.zeros(3)
@@ -40,7 +43,9 @@ NO_LIGHT = np.zeros(3)
 _ROUNDING = 1 + 2.0**-9
 
 
-def texel_rules(bricks: Bricks, *, lit: bool, toward_light: Float64 = NO_LIGHT) -> TexelRules:
+def texel_rules(
+    bricks: Bricks, *, lit: bool, toward_light: Float64 = NO_LIGHT, kept: VoxelTexels | None = None
+) -> TexelRules:
     """Return the rules by which kernels make the texels of bricks of level 0: scalars, with gradients if lit.
 
     Scalars are normalized to `bricks.scalar_range` and clamped to +-MAX_NORMALIZED_SCALAR. In a volume with absent
@@ -52,6 +57,7 @@ def texel_rules(bricks: Bricks, *, lit: bool, toward_light: Float64 = NO_LIGHT) 
     the entries of the transform to the world, are at most 1.
 
     toward_light: float64 [3], a unit vector to which the normals of labels turn a little; 0 for none.
+    kept: the form of texels that are voxels, as `voxel_texels` returns it; None for texels of float32.
     """
     volume, (width, factor) = bricks.volume, range_width(*bricks.scalar_range)
     matrix = _world_from_gradient(volume)
@@ -65,14 +71,39 @@ def texel_rules(bricks: Bricks, *, lit: bool, toward_light: Float64 = NO_LIGHT) 
         toward_light=toward_light,
         opacities=_opacities(bricks),
         is_lit=lit,
+        voxel_texels=kept,
     )
+
+
+def voxel_texels(bricks: Bricks) -> VoxelTexels | None:
+    """Return the form of texels of level 0 that are voxels as the file has them; None if texels must be float32.
+
+    Voxels must be integers of at most 16 bits, all of them present, and neither labels nor colours. Their scalars must
+    be integers, too. Samples must have the same scalars, to the last bit, as with texels of float32: each integer that
+    the volume may have is compared here.
+    """
+    volume, scalars = bricks.volume, bricks.pyramid.classifier.scalars
+    dtype, (first, last) = volume.values.dtype, bricks.scalar_range
+    if scalars is None or dtype.kind not in "iu" or volume.num_absent or volume.is_labels or volume.colors is not None:
+        return None
+    texels = np.arange(len(scalars))
+    sign_bit = len(scalars) // 2 if dtype.kind == "i" else 0
+    in_order, (width, factor) = scalars[texels ^ sign_bit], range_width(first, last)
+    lowest = int(in_order[0]) if abs(in_order[0]) < _MAX_LOWEST else 0
+    if factor != 1 or not np.array_equal(in_order, lowest + texels):
+        return None
+    normalized = np.clip((in_order - first) / width, -MAX_NORMALIZED_SCALAR, MAX_NORMALIZED_SCALAR).astype(np.float32)
+    are_equal = ((in_order - first) * (1 / width)).astype(np.float32) == normalized
+    low, high = bricks.volume_range
+    may_be = (low <= in_order) & (in_order <= high)
+    return VoxelTexels(dtype.itemsize, sign_bit, lowest, 1 / width) if are_equal[may_be].all() else None
 
 
 def fill_scalar_texels(bricks: Bricks, rules: TexelRules, cells: Int32, slots: Int64, texels: Float32) -> None:
     """Write the scalars of bricks of level 0, by `texel_rules`, to rows of an array.
 
-    cells: [n, 3], the places (x, y, z) of bricks. slots: [n], the row of each brick. texels: float32 [slots, 18^3], or
-    [slots, 4 * 18^3] if lit. Raises InputError if the volume's file was changed.
+    cells: [n, 3], the places (x, y, z) of bricks. slots: [n], the row of each brick. texels: float32 [slots, floats],
+    as the kernel describes them. Raises InputError if the volume's file was changed.
     """
     bricks.volume.require_unchanged()
     kernels().fill_scalar_texels(rules=rules, cells=cells, slots=slots, texels=texels)

@@ -8,7 +8,7 @@ from .splats.splat_rasterizer import SplatRasterizer as SplatRasterizer
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .bricks.atlas import Atlas as Atlas, brick_bytes as brick_bytes
+from .bricks.atlas import Atlas as Atlas
 from .bricks.bands import plan_bands as plan_bands
 from .bricks.brick_rasterizer import share_memory as share_memory, share_out as share_out
 from .bricks.grid import RayGrid as RayGrid, make_grid as make_grid

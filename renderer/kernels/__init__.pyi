@@ -29,6 +29,7 @@ from .records import (
     VisibleNodes as VisibleNodes,
     VoxelLighting as VoxelLighting,
     Voxels as Voxels,
+    VoxelTexels as VoxelTexels,
 )
 from .threads import ThreadPool as ThreadPool
 

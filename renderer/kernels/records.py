@@ -26,6 +26,19 @@ class Voxels(NamedTuple):
     is_labels: bool
 
 
+class VoxelTexels(NamedTuple):
+    """The form of texels that are voxels. The bit of their sign is inverted, so that texels ascend as scalars do."""
+
+    # The size of a voxel, 1 or 2.
+    num_bytes: int
+    # The bit of the sign in a voxel, which texels have inverted; 0 if voxels have no sign.
+    sign_bit: int
+    # The scalar of texel 0; those of other texels follow it, one by one.
+    lowest: int
+    # The normalized scalar of a texel is its scalar less the first one of TexelRules, times this, rounded to float32.
+    slope: float
+
+
 class TexelRules(NamedTuple):
     """The rules by which the texels of bricks of level 0 are made (renderer/bricks/texels.py)."""
 
@@ -44,8 +57,10 @@ class TexelRules(NamedTuple):
     toward_light: NDArray[np.float64]
     # [labels]: the opacity of a voxel of each label, by the label's number.
     opacities: NDArray[np.float64]
-    # Whether gradients follow the scalars of a brick.
+    # Whether samples have gradients. They follow the scalars of a brick, or are made from texels that are voxels.
     is_lit: bool
+    # The form of texels that are voxels; None if texels are float32.
+    voxel_texels: VoxelTexels | None
 
 
 class Grid(NamedTuple):
@@ -121,12 +136,12 @@ class AtlasTexels(NamedTuple):
     """
 
     # For each brick of voxels, PADDED_BRICK_SIZE^3 texels; if the layer is lit, PADDED_BRICK_SIZE^3 gradients (x, y, z)
-    # follow them. If voxels are colours, each texel is (tau c, tau).
+    # follow them. If voxels are colours, each texel is (tau c, tau). If texels are voxels, it has their bytes.
     texels: NDArray[np.float32]
     # [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing, -2 for one
     # whose texels are missing. Kernels write the positions of the texels that they make.
     offsets: NDArray[np.int64]
-    # The rules by which texels are made; None if none are missing.
+    # The rules by which texels are made; None if kernels do not make them.
     rules: TexelRules | None
     # [bricks, 3]: the place (x, y, z) of each brick, in widths of a brick.
     cells: NDArray[np.int32]

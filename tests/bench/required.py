@@ -17,7 +17,6 @@ import numpy as np
 from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of, section, write_page
 
 from hsplat_cli.terminal import describe_machine
-from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames
 from renderer.readers import read_volume
@@ -150,7 +149,7 @@ def megabytes_held(stage: Stage, rasterizer: BrickRasterizer) -> float:
     grid = layer.light_grid
     num_bytes = layer.pyramid.num_bytes + grid.occlusion.nbytes + grid.shadow.nbytes + grid.corners.nbytes
     for atlas in chain.from_iterable((*cache.scalars, cache.means) for cache in rasterizer.caches.values()):
-        num_bytes += 4 * atlas.num_channels * PADDED_BRICK_SIZE**3 * int((atlas._slot_from_key >= 0).sum())
+        num_bytes += 4 * atlas.brick_floats * int((atlas._slot_from_key >= 0).sum())
     return num_bytes / 1e6
 
 

@@ -218,8 +218,9 @@ def _with_texels(shot: Shot, spoil: Callable[[Float32], None]) -> Pixels:
     with BrickRasterizer() as rasterizer:
         shot.draw_list.upload(rasterizer)
         for cache in rasterizer.caches.values():
+            assert not cache.keeps_voxels, "texels are no float32 numbers"
             for atlas in (*cache.scalars, cache.means):
-                length = PADDED_BRICK_SIZE**3 * atlas.num_channels
+                length = atlas.brick_floats
                 bricks = atlas.texels[: len(atlas.texels) // length * length].reshape(-1, length)
                 # Lit texels of level 0 have all scalars first, and then all gradients.
                 depth = 4 if atlas is cache.means else 1

@@ -1,4 +1,5 @@
-"""An image of bricks does not depend on what was drawn before, which decides the slots of bricks in the atlas."""
+"""An image of bricks depends neither on what was drawn before, which decides the slots of bricks in the atlas, nor on
+whether texels are voxels or scalars."""
 
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ import pytest
 from brickwork import (
     AFFINES,
     GLOSSY,
+    alone,
     batch_of,
     bricks_of,
     hills,
@@ -23,11 +25,12 @@ from brickwork import (
     view_of,
 )
 
-from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, ScreenSampling
+from renderer.bricks import BrickBatch, ScreenSampling, make_brick_batch, texel_rules, voxel_texels
 from renderer.draw import BrickRasterizer
 from renderer.scene import MAX_FIELD_OF_VIEW, MAX_SIDE, ShadingSpec
 from renderer.system import MemoryShare
 from renderer.view import View
+from renderer.volume import Array
 
 
 def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:
@@ -70,6 +73,70 @@ def test_what_was_drawn_before_changes_nothing(shading: ShadingSpec | None) -> N
                 with BrickRasterizer(memory=MemoryShare(num_bytes)) as rasterizer:
                     history(rasterizer, batch)
                     assert draw(rasterizer, batch) == first
+
+
+@pytest.mark.parametrize("shading", [None, ShadingSpec(), GLOSSY], ids=["plain", "lit", "glossy"])
+@pytest.mark.parametrize("affine", ["straight", "anisotropic", "oblique"])
+@pytest.mark.parametrize(("dtype", "low"), [("u1", 20), ("i1", -100), ("u2", 3000), ("i2", -1000)])
+def test_texels_that_are_voxels_draw_the_same_bytes(
+    dtype: str, low: int, affine: str, shading: ShadingSpec | None
+) -> None:
+    """Also at the volume's border, where differences are one-sided, and along axes of one and of two voxels."""
+    points = (low + 30.3, (0.9, 0.2, 0.1), 0.0), (low + 90, (0.1, 0.5, 1.0), 0.3), (low + 130.5, (1.0, 1.0, 1.0), 0.1)
+    for shape in ((34, 18, 16), (1, 2, 40)):
+        volume = placed((low + 140 * hills(shape, 9.0)).astype(dtype), AFFINES[affine])
+        bricks = bricks_of(volume, transfer_of(*points), shading)
+        batch = batch_of(level_cut(bricks, 0), bricks, step=0.3, shading=shading)
+        assert batch.keeps_voxels and batch.bricks.layers[0].voxel_texels is not None
+        pictures = []
+        for each in (batch, replace(batch, samples_per_voxel=np.inf)):
+            for view in (view_of(volume, "perspective", (40, 30)), view_of(volume, "inside", (40, 30), azimuth=200.0)):
+                with BrickRasterizer() as rasterizer:
+                    pictures.append(rasterizer.rasterize([each], [ordered(each.cut, view)], view))
+                    (cache,) = rasterizer.caches.values()
+                    assert cache.keeps_voxels == each.keeps_voxels
+        assert pictures[0].max() > 0.1
+        assert [picture.tobytes() for picture in pictures[:2]] == [picture.tobytes() for picture in pictures[2:]]
+
+
+def batch_of_bytes(shading: ShadingSpec, voxel_px: float) -> BrickBatch:
+    """Return the bricks of level 0 of a volume of 8 bits, whose voxels are `voxel_px` wide on the picture."""
+    volume = placed((200 * hills((34, 18, 16), 9.0)).astype(np.uint8))
+    bricks = bricks_of(volume, transfer_of((0, (0.9, 0.2, 0.1), 0.0), (200, (0.1, 0.5, 1.0), 0.3)), shading)
+    return make_brick_batch(level_cut(bricks, 0), alone(bricks, shading), tolerance=0.1, voxel_px=voxel_px)
+
+
+@pytest.mark.parametrize(("voxel_px", "num_bytes"), [(0.2, 20**3), (5.0, 4 * 4 * 18**3)])
+def test_texels_are_voxels_where_few_samples_are_taken(voxel_px: float, num_bytes: int) -> None:
+    """Such bricks take less memory; with more samples, gradients are made once for each voxel."""
+    batch = batch_of_bytes(ShadingSpec(), voxel_px)
+    view = view_of(batch.cut.volume, "perspective", (40, 30))
+    with BrickRasterizer() as rasterizer:
+        rasterizer.rasterize([batch], [ordered(batch.cut, view)], view)
+        memory = rasterizer.brick_memory
+        num_means = sum(np.count_nonzero(level.is_visible) for level in batch.bricks.levels[1:])
+        assert memory is not None
+        assert memory.needed == len(batch) * num_bytes + num_means * 4 * 4 * 18**3
+
+
+def test_texels_without_gradients_are_refused_for_light() -> None:
+    batch = batch_of_bytes(ShadingSpec(), 0.2)
+    view = view_of(batch.cut.volume, "perspective", (40, 30))
+    with BrickRasterizer() as rasterizer:
+        order = ordered(batch.cut, view)
+        rasterizer.upload([batch], [order], view)
+        (cache,) = rasterizer.caches.values()
+        layer = batch.bricks.layers[0]
+        cache._rules[:] = [texel_rules(layer.bricks, lit=False, kept=layer.voxel_texels)]
+        cache._brick_view = None
+        with pytest.raises(IndexError, match="draw_tiles"):
+            rasterizer.rasterize([batch], [order], view)
+
+
+@pytest.mark.parametrize("voxels", [hills((8, 8, 8), 5.0), (100 * hills((8, 8, 8), 5.0)).astype(np.float16)])
+def test_numbers_that_are_no_integers_are_no_texels(voxels: Array) -> None:
+    bricks = bricks_of(placed(voxels), transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3)))
+    assert voxel_texels(bricks) is None
 
 
 def test_bricks_are_uploaded_once() -> None:
@@ -125,7 +192,7 @@ def test_samples_stay_in_their_brick(shading: ShadingSpec | None) -> None:
             atlas = rasterizer.caches[id(batch.bricks)].scalars[0]
             free = np.flatnonzero(atlas._key_from_slot < 0)
             assert len(free) > 0
-            num = PADDED_BRICK_SIZE**3 * atlas.num_channels
+            num = atlas.brick_floats
             atlas.texels[free[:, None] * num + np.arange(num)] = np.nan
             assert expected[..., 3].max() > 0.5
             assert rasterizer.rasterize([batch], [order], view).tobytes() == expected.tobytes()

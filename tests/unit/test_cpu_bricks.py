@@ -11,12 +11,13 @@ from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, p
 from texel_wall import drawn
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.draw import Atlas, BrickRasterizer, RayGrid, brick_bytes, make_grid, plan_bands, share_memory, share_out
+from renderer.draw import Atlas, BrickRasterizer, RayGrid, make_grid, plan_bands, share_memory, share_out
 from renderer.kernels import Light, Shading
 from renderer.system import MemoryShare
 from renderer.transfer import NO_LIGHT_GRID
 
-BRICK_BYTES = brick_bytes(1)
+BRICK_FLOATS = PADDED_BRICK_SIZE**3
+BRICK_BYTES = 4 * BRICK_FLOATS
 GLASS = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3))
 
 
@@ -73,7 +74,7 @@ def upload(atlas: Atlas, keys: Any, next_use: Any = None) -> None:
 
 def test_bricks_stay_where_they_are_when_there_are_more() -> None:
     """A copy would take memory that nobody reckons with."""
-    atlas = Atlas(1, 1000, 1000 * BRICK_BYTES)
+    atlas = Atlas(BRICK_FLOATS, 1000, 1000 * BRICK_BYTES)
     atlas.reserve()
     upload(atlas, np.arange(10))
     texels = atlas.texels
@@ -88,9 +89,10 @@ def test_bricks_stay_where_they_are_when_there_are_more() -> None:
 
 
 def test_bricks_that_were_drawn_longest_ago_go_first() -> None:
-    atlas = Atlas(1, 1000, 4 * BRICK_BYTES)
+    atlas = Atlas(BRICK_FLOATS, 1000, 4 * BRICK_BYTES)
     assert atlas.max_slots == 4
-    assert Atlas(1, 3, 4 * BRICK_BYTES).max_slots == 3 and Atlas(64, 3, 0).max_slots == 1  # room for less than a brick
+    assert Atlas(BRICK_FLOATS, 3, 4 * BRICK_BYTES).max_slots == 3
+    assert Atlas(BRICK_FLOATS, 3, 0).max_slots == 1  # room for less than a brick
     atlas.reserve()
     for keys in map(np.array, ([1, 2], [3, 4], [1], [7, 8])):
         upload(atlas, keys)
@@ -105,7 +107,7 @@ def test_a_scan_keeps_the_bricks_that_fit(num_slots: int) -> None:
     Each band must have slots while it is drawn. Of N bands, of which C have room, then (N - C) / (N - 1) are made anew:
     all bands between two uses of one but those that stay. The order by last uses would make all of them.
     """
-    atlas, made, keys = Atlas(1, 1000, num_slots * BRICK_BYTES), list[int](), np.arange(12)
+    atlas, made, keys = Atlas(BRICK_FLOATS, 1000, num_slots * BRICK_BYTES), list[int](), np.arange(12)
     atlas.reserve()
     for _ in range(1 + 3 * 4):
         atlas.plan(keys, keys // 3)
@@ -200,7 +202,7 @@ def test_bricks_behind_what_is_opaque_are_not_made(num_threads: int, share: floa
 
 
 def test_bricks_that_rays_met_last_stay() -> None:
-    atlas = Atlas(1, 10, 3 * BRICK_BYTES)
+    atlas = Atlas(BRICK_FLOATS, 10, 3 * BRICK_BYTES)
     atlas.reserve()
 
     def draw(*met: int) -> None:

@@ -20,7 +20,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from renderer.bricks import MIN_BRICKS_PER_THREAD, PADDED_BRICK_SIZE
+from renderer.bricks import MIN_BRICKS_PER_THREAD
 from renderer.kernels import ThreadPool
 from renderer.volume import Bools, Float32, Int64
 
@@ -63,16 +63,15 @@ class Placed(NamedTuple):
 class Atlas:
     """A store of bricks of one kind, each in a slot. The caller gives each brick a key, from 0 to `num_keys` - 1.
 
-    num_channels: the float32 numbers of a texel, 1 or 4. max_slots: the most bricks that the atlas holds, at least 1.
-    num_bytes: the memory that the atlas may take.
+    brick_floats: the float32 numbers, or other words of four bytes, of the texels of a brick.
+    max_slots: the most bricks that the atlas holds, at least 1. num_bytes: the memory that the atlas may take.
     threads: the threads that make texels and write them; None for the calling thread.
-    texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels], brick after brick.
+    texels: float32 [slots * brick_floats], brick after brick.
     """
 
-    def __init__(self, num_channels: int, num_keys: int, num_bytes: int, threads: ThreadPool | None = None) -> None:
-        self._threads, self._brick_floats = threads or ThreadPool(), PADDED_BRICK_SIZE**3 * num_channels
-        fitting = max(1, num_bytes // brick_bytes(num_channels))
-        self.num_channels, self.max_slots = num_channels, min(num_keys, fitting)
+    def __init__(self, brick_floats: int, num_keys: int, num_bytes: int, threads: ThreadPool | None = None) -> None:
+        self._threads, self.brick_floats = threads or ThreadPool(), brick_floats
+        self.max_slots = min(num_keys, max(1, num_bytes // (4 * brick_floats)))
         self.texels = np.empty(0, np.float32)
         self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1 for a brick that is not in the atlas
         self._key_from_slot = np.empty(0, np.int64)  # -1 for a free slot
@@ -90,7 +89,7 @@ class Atlas:
         memory."""
         if not len(self.texels) or num > self.max_slots:
             self.max_slots = max(num, self.max_slots)
-            self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
+            self.texels = np.empty(self.max_slots * self.brick_floats + _READ_BEHIND, np.float32)
             self._resize(self.max_slots)
 
     def release(self) -> None:
@@ -157,15 +156,15 @@ class Atlas:
     def _lent(self, keys: Int64, free: Int64) -> Iterator[Placed]:
         """Lend free slots to bricks, and note in the end which brick is in each. free: int64 [m], slots."""
         slots = self._slot_from_key[keys]
-        offsets = np.where(slots < 0, MISSING, slots * self._brick_floats)
-        placed = Placed(offsets, free * self._brick_floats, np.zeros(len(keys), np.bool_))
+        offsets = np.where(slots < 0, MISSING, slots * self.brick_floats)
+        placed = Placed(offsets, free * self.brick_floats, np.zeros(len(keys), np.bool_))
         try:
             yield placed
         except BaseException:
             self._evict(free)
             raise
         has_place = placed.offsets >= 0
-        into, kept = placed.offsets[has_place] // self._brick_floats, keys[has_place]
+        into, kept = placed.offsets[has_place] // self.brick_floats, keys[has_place]
         self._evict(into[self._key_from_slot[into] != kept])
         self._slot_from_key[kept], self._key_from_slot[into] = into, kept
 
@@ -173,12 +172,12 @@ class Atlas:
         """Make all missing texels of bricks, on several threads, in the first free places."""
         missing = np.flatnonzero(placed.offsets == MISSING)
         free = placed.free[: len(missing)]
-        bricks = self.texels[:-_READ_BEHIND].reshape(-1, self._brick_floats)
+        bricks = self.texels[:-_READ_BEHIND].reshape(-1, self.brick_floats)
         num = max(MIN_BRICKS_PER_THREAD, min(-(-len(missing) // self._threads.num), _UPLOAD_BATCH))
 
         def add(first: int) -> None:
             part = slice(first, first + num)
-            write(missing[part], free[part] // self._brick_floats, bricks)
+            write(missing[part], free[part] // self.brick_floats, bricks)
 
         self._threads.map(add, range(0, len(missing), num))
         placed.offsets[missing] = free
@@ -195,8 +194,3 @@ class Atlas:
         self._key_from_slot, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
         self._next_use = np.full(num, _NEVER, np.int64)
         self._last_met = np.full(num, _NEVER_MET, np.int64)
-
-
-def brick_bytes(num_channels: int) -> int:
-    """Return the number of bytes that the texels of a brick take."""
-    return 4 * PADDED_BRICK_SIZE**3 * num_channels

@@ -22,11 +22,14 @@ from renderer.bricks import (
     mean_texels,
     texel_rules,
 )
-from renderer.draw.bricks.atlas import Atlas, brick_bytes
+from renderer.draw.bricks.atlas import Atlas
 from renderer.kernels import AtlasTexels, RaySetup, TexelRules, ThreadPool
 from renderer.transfer import toward_light
 from renderer.view import View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
+
+# The number of floats of the texels of a brick of means: (tau c, tau) of each cell.
+_MEAN_FLOATS = 4 * PADDED_BRICK_SIZE**3
 
 
 class BrickView(NamedTuple):
@@ -82,31 +85,31 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
     )
 
 
-def needed_bytes(bricks: BrickLayers) -> list[int]:
+def needed_bytes(bricks: BrickLayers, *, keeps_voxels: bool) -> list[int]:
     """Return the bytes of all visible bricks in each atlas of a BrickCache: each layer's atlas of scalars, then the one
-    of means."""
+    of means. keeps_voxels: as in BrickCache."""
     scalars = [
-        int(np.count_nonzero(layer.bricks.levels[0].is_visible)) * brick_bytes(_num_channels(layer))
+        int(np.count_nonzero(layer.bricks.levels[0].is_visible)) * 4 * layer.texel_floats(keeps_voxels=keeps_voxels)
         for layer in bricks.layers
     ]
     num_means = sum(int(np.count_nonzero(level.is_visible)) for level in bricks.levels[1:])
-    return [*scalars, num_means * brick_bytes(4)]
+    return [*scalars, num_means * 4 * _MEAN_FLOATS]
 
 
-def drawn_bytes(batch: BrickBatch) -> list[int]:
-    """Return the bytes that the bricks of a batch take in each atlas, in the order of `needed_bytes`."""
+def drawn_bytes(batch: BrickBatch, *, keeps_voxels: bool) -> list[int]:
+    """Return the bytes that the bricks of a batch take in each atlas, in the order of `needed_bytes`.
+
+    keeps_voxels: as in BrickCache.
+    """
     is_mean = batch.cut.levels > 0
     x, y, z = batch.cut.cells[~is_mean].T
     scalars = [
-        int(np.count_nonzero(layer.bricks.levels[0].is_visible[z, y, x])) * brick_bytes(_num_channels(layer))
+        int(np.count_nonzero(layer.bricks.levels[0].is_visible[z, y, x]))
+        * 4
+        * layer.texel_floats(keeps_voxels=keeps_voxels)
         for layer in batch.bricks.layers
     ]
-    return [*scalars, int(np.count_nonzero(is_mean)) * brick_bytes(4)]
-
-
-def _num_channels(layer: BrickLayer) -> int:
-    """Return the numbers in a texel of level 0: 1, a scalar, or 4 if the layer is lit or has voxels of colours."""
-    return 4 if layer.shading or layer.bricks.volume.colors is not None else 1
+    return [*scalars, int(np.count_nonzero(is_mean)) * 4 * _MEAN_FLOATS]
 
 
 class BrickCache:
@@ -114,19 +117,26 @@ class BrickCache:
 
     threads: the threads that compute the texels of bricks.
     num_bytes: the memory that each atlas may take, in the order of `needed_bytes`.
+    keeps_voxels: whether texels of level 0 are voxels where they can be; otherwise they are scalars, with light also
+        gradients.
     scalars: an atlas for each layer, with its bricks of level 0.
     means: an atlas for the bricks of the levels above, with means over all layers.
     """
 
-    def __init__(self, bricks: BrickLayers, threads: ThreadPool, num_bytes: Sequence[int]) -> None:
+    def __init__(
+        self, bricks: BrickLayers, threads: ThreadPool, num_bytes: Sequence[int], *, keeps_voxels: bool
+    ) -> None:
         num_scalars, *nums = (level.errors.size for level in bricks.levels)
         self.scalars = [
-            Atlas(_num_channels(layer), num_scalars, each, threads)
+            Atlas(layer.texel_floats(keeps_voxels=keeps_voxels), num_scalars, each, threads)
             for layer, each in zip(bricks.layers, num_bytes[:-1], strict=True)
         ]
-        self.means = Atlas(4, sum(nums), num_bytes[-1], threads)
-        self.num_bytes = num_bytes
-        self._rules = [None if layer.bricks.volume.colors is not None else _rules_of(layer) for layer in bricks.layers]
+        self.means = Atlas(_MEAN_FLOATS, sum(nums), num_bytes[-1], threads)
+        self.num_bytes, self.keeps_voxels = num_bytes, keeps_voxels
+        self._rules = [
+            None if layer.bricks.volume.colors is not None else _rules_of(layer, keeps_voxels=keeps_voxels)
+            for layer in bricks.layers
+        ]
         self._brick_view: BrickView | None = None  # the last view, kept because `upload` and drawing both need it
         self._parts: list[_AtlasPart] = []  # of this view
 
@@ -271,17 +281,17 @@ class _AtlasPart(NamedTuple):
         self.layer.bricks.volume.require_unchanged()
         with self.atlas.offered(self.keys[chosen]) as placed:
             row[chosen] = placed.offsets
-            texels = self._texels(row, placed.free if self.atlas.num_missing(self.keys[chosen]) else None)
+            texels = self._texels(row, placed.free)
             yield texels
             self.layer.bricks.volume.require_unchanged()
             placed.offsets[:], placed.are_met[:] = row[chosen], texels.are_met[chosen]
 
     def _texels(self, row: Int64, free: Int64 | None = None) -> AtlasTexels:
-        """Return texels as kernels take them. free: the free positions for missing ones; None if none are missing."""
+        """Return texels as kernels take them. free: the free positions for missing ones; None if kernels make none."""
         return AtlasTexels(
             texels=self.atlas.texels,
             offsets=row,
-            rules=None if free is None else self.rules,
+            rules=self.rules,
             cells=self.cells,
             free=np.empty(0, np.int64) if free is None else free,
             num_taken=np.zeros(1, np.int64),
@@ -321,10 +331,13 @@ def _write_means(
     texels[slots] = sums.reshape(len(slots), -1)
 
 
-def _rules_of(layer: BrickLayer) -> TexelRules:
+def _rules_of(layer: BrickLayer, *, keeps_voxels: bool) -> TexelRules:
     """Return the rules by which the texels of a layer's bricks of level 0 are made."""
     shading = layer.shading
     is_turned = shading is not None and shading.light != "camera"
     return texel_rules(
-        layer.bricks, lit=shading is not None, toward_light=toward_light(shading) if shading and is_turned else NO_LIGHT
+        layer.bricks,
+        lit=shading is not None,
+        toward_light=toward_light(shading) if shading and is_turned else NO_LIGHT,
+        kept=layer.voxel_texels if keeps_voxels else None,
     )

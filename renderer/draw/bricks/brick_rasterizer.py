@@ -133,16 +133,23 @@ class BrickRasterizer(Rasterizer):
         shown = {id(batch.bricks): batch for batch in batches}
         for number in [number for number in self.caches if number not in shown]:  # caches of another frame or film
             self.caches.pop(number).release()
-        drawn = {number: drawn_bytes(batch) for number, batch in shown.items()}
+        # Caches keep the kind of their texels as long as they live, so that a zoom does not make all bricks again.
+        keep = {
+            number: self.caches[number].keeps_voxels if number in self.caches else batch.keeps_voxels
+            for number, batch in shown.items()
+        }
+        drawn = {number: drawn_bytes(batch, keeps_voxels=keep[number]) for number, batch in shown.items()}
         if not all(number in self.caches and _have_room(self.caches[number], drawn[number]) for number in shown):
-            needed = {number: needed_bytes(batch.bricks) for number, batch in shown.items()}
+            needed = {number: needed_bytes(batch.bricks, keeps_voxels=keep[number]) for number, batch in shown.items()}
             limit = self._memory.num_bytes() if self.brick_memory is None else self.brick_memory.limit
             self.brick_memory = BrickMemory(sum(map(sum, needed.values())), limit)
             shares = share_memory(drawn, needed, limit)
             if not self._fit(drawn, shares, limit):
                 self.release_bricks()
             for number in shares.keys() - self.caches.keys():
-                self.caches[number] = BrickCache(shown[number].bricks, self.threads, shares[number])
+                self.caches[number] = BrickCache(
+                    shown[number].bricks, self.threads, shares[number], keeps_voxels=keep[number]
+                )
         return [self.caches[id(batch.bricks)] for batch in batches]
 
     def _fit(self, drawn: Shares, shares: Shares, limit: int) -> bool:

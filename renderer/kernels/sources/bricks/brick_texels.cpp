@@ -154,7 +154,7 @@ struct Scratch {
 
 // Write the gradients of a brick to `scratch.planes`; NaN at voxels far from any data.
 void fill_planes(const TexelRules& rules, const Array<const int32_t, 1>& cell, const Scratch& scratch) {
-    const auto& [voxels, first, width, factor, m, scale, toward_light, opacities, is_lit] = rules;
+    const auto& [voxels, first, width, factor, m, scale, toward_light, opacities, is_lit, voxel_texels] = rules;
     if (voxels.is_labels) {
         fill_label_gradients(voxels, cell, m, opacities, toward_light, scratch.smoothed, scratch.planes);
     } else if (voxels.has_absent) {
@@ -171,6 +171,22 @@ INLINE Eight normalized(const TexelRules& rules, Eight scalars) {
     return min_of(max_of(inside, in_all<Eight>(-MAX_NORMALIZED_SCALAR)), in_all<Eight>(MAX_NORMALIZED_SCALAR));
 }
 
+// Write the voxels of a brick and its halo as its texels.
+void copy_voxels(const TexelRules& rules, const Array<const int32_t, 1>& cell, void* texels) {
+    const AnyArray<3>& raw = rules.voxels.raw;
+    int64_t side = voxel_side(rules), first[3];
+    for (int axis = 0; axis < 3; axis++) first[axis] = BRICK_SIZE * cell[axis] - (side - BRICK_SIZE) / 2;
+    auto copy = [&]<class T>(T* out) {
+        const Array<const T, 3> voxels = {(const T*)raw.data, {raw.shape[0], raw.shape[1], raw.shape[2]}};
+        T turned = (T)rules.voxel_texels.value.sign_bit;
+        auto convert = [turned](T voxel) { return (T)(voxel ^ turned); };
+        if (rules.is_lit) load_values(voxels, box_of(raw), first, BRICK_SIZE + 4 * HALO, out, convert);
+        else load_values(voxels, box_of(raw), first, PADDED_BRICK_SIZE, out, convert);
+    };
+    if (rules.voxel_texels.value.num_bytes == 1) copy((uint8_t*)texels);
+    else copy((uint16_t*)texels);
+}
+
 // Write eight gradients to `out` [24], x, y and z of each side by side; 0 in place of NaN.
 template <int... LANE>
 INLINE void store_gradients(Eight x, Eight y, Eight z, float* out, Lanes<LANE...>) {
@@ -185,17 +201,28 @@ INLINE void store_gradients(Eight x, Eight y, Eight z, float* out, Lanes<LANE...
 
 }  // namespace
 
-int64_t scratch_size(const TexelRules& rules) { return Scratch(rules, nullptr).size; }
+int64_t scratch_size(const TexelRules& rules) { return rules.voxel_texels.exists ? 0 : Scratch(rules, nullptr).size; }
 
 int64_t texel_floats(const TexelRules& rules) {
+    int64_t side = voxel_side(rules);
+    if (rules.voxel_texels.exists) return side * side * side * rules.voxel_texels.value.num_bytes / (int64_t)sizeof(float);
     return (rules.is_lit ? 4 : 1) * PADDED_BRICK_SIZE * PADDED_BRICK_SIZE * PADDED_BRICK_SIZE;
 }
 
-bool are_complete(const TexelRules& rules) { return fits(rules.voxels.scalars, rules.voxels.raw); }
+bool are_complete(const TexelRules& rules) {
+    const AnyArray<3>& raw = rules.voxels.raw;
+    const auto& [is_of_voxels, form] = rules.voxel_texels;
+    bool has_form = raw.dtype == 0 ? form.num_bytes == 1 : raw.dtype == 2 && form.num_bytes == 2;
+    return (!is_of_voxels || has_form) && fits(rules.voxels.scalars, raw);
+}
 
 bool is_brick_of(const TexelRules& rules, const Array<const int32_t, 1>& cell) { return is_brick(rules.voxels, cell); }
 
 void make_texels(const TexelRules& rules, const Array<const int32_t, 1>& cell, double* memory, float* texels) {
+    if (rules.voxel_texels.exists) {
+        copy_voxels(rules, cell, texels);
+        return;
+    }
     constexpr int64_t size = PADDED_BRICK_SIZE, num = size * size * size;
     const bool is_lit = rules.is_lit, has_absent = rules.voxels.has_absent;
     const Scratch scratch(rules, memory);
@@ -225,7 +252,8 @@ void make_texels(const TexelRules& rules, const Array<const int32_t, 1>& cell, d
 
 Status fill_scalar_texels(const FillScalarTexels* arguments) {
     const auto& [rules, cells, slots, texels] = *arguments;
-    if (!fit_together(rules.voxels, cells) || !match(slots, cells) || texels.shape[1] != texel_floats(rules)) return OUT_OF_BOUNDS;
+    if (!fit_together(rules.voxels, cells) || !match(slots, cells) || texels.shape[1] != texel_floats(rules) || !are_complete(rules))
+        return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < cells.shape[0]; i++)
         if (slots[i] < 0 || slots[i] >= texels.shape[0]) return OUT_OF_BOUNDS;
     const Buffer<double> scratch(scratch_size(rules));

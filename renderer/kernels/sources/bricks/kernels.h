@@ -59,6 +59,18 @@ struct AddNodes {
 };
 KERNEL(add_nodes, AddNodes)
 
+// The form of texels that are voxels. The bit of their sign is inverted, so that texels ascend as scalars do.
+struct VoxelTexels {
+    // The size of a voxel, 1 or 2.
+    int64_t num_bytes;
+    // The bit of the sign in a voxel, which texels have inverted; 0 if voxels have no sign.
+    int64_t sign_bit;
+    // The scalar of texel 0; those of other texels follow it, one by one.
+    int64_t lowest;
+    // The normalized scalar of a texel is its scalar less the first one of TexelRules, times this, rounded to float32.
+    double slope;
+};
+
 // The rules by which the texels of bricks of level 0 are made (renderer/bricks/texels.py).
 struct TexelRules {
     Voxels voxels;
@@ -76,8 +88,10 @@ struct TexelRules {
     double toward_light[3];
     // [labels]: the opacity of a voxel of each label, by the label's number.
     Array<const double, 1> opacities;
-    // Whether gradients follow the scalars of a brick.
+    // Whether samples have gradients. They follow the scalars of a brick, or are made from texels that are voxels.
     bool is_lit;
+    // The form of texels that are voxels; None if texels are float32.
+    Maybe<VoxelTexels> voxel_texels;
 };
 
 // Make the texels of bricks of level 0.
@@ -88,7 +102,7 @@ struct FillScalarTexels {
     // [n]: the row of `texels` that takes each brick.
     Array<const int64_t, 1> slots;
     // [slots, 18^3]: the scalars of bricks and their halo; with light [slots, 4 * 18^3], with gradients after the
-    // scalars.
+    // scalars. If texels are voxels, a row holds their bytes: 18^3 of them, or 20^3 with light.
     Array<float, 2> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)

@@ -5,7 +5,7 @@
 // its own. Texels depend neither on the thread that makes them nor on their place.
 #pragma once
 #include "bricks/brick_texels.h"
-#include "draw/sample.h"
+#include "draw/voxel_texels.h"
 
 extern "C" int sched_yield(void) noexcept;
 
@@ -58,10 +58,13 @@ struct TexelFinder {
     }
 
     // Return the texels of a brick that this thread has met, and those after them.
-    INLINE Texels texels(int64_t brick) const {
+    INLINE BrickTexels texels(int64_t brick) const {
         int64_t offset = offset_of(*atlas, brick);
         const Array<float, 1> found = offset < 0 ? own : rest_of(atlas->texels, offset);
-        return {found.data, {found.shape[0]}};
+        const Texels words = {found.data, {found.shape[0]}};
+        const auto& rules = atlas->rules;
+        if (rules.exists && rules.value.voxel_texels.exists) return voxels_of(words, rules.value, atlas->cells[brick]);
+        return {words};
     }
 };
 
@@ -82,9 +85,17 @@ inline bool is_consistent(const AtlasTexels& atlas) {
     return are_complete(atlas.rules.value);
 }
 
-// Return whether a brick of voxels shows nothing, has `num` floats in the atlas, or can be made.
+// Return whether texels that kernels make have everything that samples read. gradients, numbers: whether samples read
+// gradients, and whether they read the bits of float32 numbers.
+inline bool have(const AtlasTexels& atlas, bool gradients, bool numbers) {
+    const auto& rules = atlas.rules;
+    return !rules.exists || ((rules.value.is_lit || !gradients) && !(rules.value.voxel_texels.exists && numbers));
+}
+
+// Return whether a brick of voxels shows nothing, is in the atlas, or can be made. num: the number of floats that a brick
+// takes in the atlas if kernels do not make it.
 inline bool can_be_drawn(const AtlasTexels& atlas, int64_t brick, int64_t num) {
     int64_t offset = offset_of(atlas, brick);
-    if (offset > atlas.texels.shape[0] - num) return false;
+    if (offset > atlas.texels.shape[0] - (atlas.rules.exists ? own_size(atlas) : num)) return false;
     return offset >= NOTHING || (atlas.rules.exists && is_brick_of(atlas.rules.value, atlas.cells[brick]));
 }

@@ -152,7 +152,7 @@ struct Axis {
 //
 // texels: the texels of the brick, and those after them. num: the number of spans. nearness: the nearness to the eye of the
 // brick's texel 0, from 0 to 1. pixels: the image.
-void search_spans(const Texels& texels, const SearchRules& rules, double nearness, int64_t num, const Tile& tile,
+void search_spans(const BrickTexels& texels, const SearchRules& rules, double nearness, int64_t num, const Tile& tile,
                   const Array<float, 1>& pixels) {
     const float offset = rules.offset, slope = rules.slope, slack = rules.slack, min_rise = rules.min_rise;
     const float ceiling = rules.ceiling;
@@ -170,8 +170,8 @@ void search_spans(const Texels& texels, const SearchRules& rules, double nearnes
             x.clamp(), y.clamp(), z.clamp();
             Floats leave_x = x.leave(), leave_y = y.leave(), leave_z = z.leave();
             Floats out = min_of(min_of(leave_x, leave_y), min_of(leave_z, in_all<Floats>(1.0f)));
-            Ints at = (z.cell * PADDED_BRICK_SIZE + y.cell) * PADDED_BRICK_SIZE + x.cell;
-            auto [a, b, c, d, e, f, g, h] = load_corners(texels, at);
+            const Cell cell = {x.cell, y.cell, z.cell};
+            auto [a, b, c, d, e, f, g, h] = load_corners(texels, cell);
             auto turned = [&](Floats scalar) { return fma(scalar, in_all<Floats>(slope), in_all<Floats>(offset)); };
             Corners corners = {turned(a), turned(b), turned(c), turned(d), turned(e), turned(f), turned(g), turned(h)};
             Floats below = max_of(max_of(corners.a, corners.b), max_of(corners.c, corners.d));
@@ -182,7 +182,8 @@ void search_spans(const Texels& texels, const SearchRules& rules, double nearnes
                 Three entry = {x.in_cell(t), y.in_cell(t), z.in_cell(t)};
                 Three extent = {length * x.extent, length * y.extent, length * z.extent};
                 Largest largest = largest_in_cell(corners, entry, extent);
-                if (rules.has_absent) largest = largest_of_data(texels, at, corners, entry, extent, largest);
+                if (rules.has_absent)
+                    largest = largest_of_data(texels.words, cell.at(PADDED_BRICK_SIZE), corners, entry, extent, largest);
                 Mask is_larger = may_rise & mask_of(largest.number > best + min_rise);
                 best = where(is_larger, largest.number, best);
                 Floats place = fma(largest.share, length, t);
@@ -253,6 +254,7 @@ Status draw_extremes(const DrawExtremes* arguments) {
     const AtlasTexels& voxels = arguments->voxels;
     if (!match(arguments->tops, grid.rectangles, arguments->boxes, voxels.offsets) || !is_consistent(voxels))
         return OUT_OF_BOUNDS;
+    if (!have(voxels, false, arguments->rules.has_absent)) return OUT_OF_BOUNDS;
     if (!is_consistent(grid, tiles, [&](int64_t brick) { return can_be_drawn(voxels, brick, TEXELS_PER_BRICK); }))
         return OUT_OF_BOUNDS;
     const Tile tile(grid, arguments->rays, MAX_CELLS);

@@ -20,9 +20,9 @@ enum Kind {
 
 // The positions of samples in a brick, one sample in each lane.
 struct Places {
-    // The nearest texel at or below the sample, along all axes.
-    Ints at;
-    // The distance of the sample from this texel along each axis, from 0 to 1.
+    // The cell of the sample.
+    Cell cell;
+    // The distance of the sample from the cell's lowest texel along each axis, from 0 to 1.
     Three shares;
     // The number of the sample along its ray; it may be fractional.
     Floats number;
@@ -65,9 +65,9 @@ struct Classified {
 // Return the classified samples of a field. texels: the texels of the brick, and those after them. is_cut: whether the
 // field's mask hides a part of the brick.
 template <Kind KIND>
-INLINE Classified sample_field(const Field& field, const LaneTable& table, const Texels& texels, const Places& places,
+INLINE Classified sample_field(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
                                const Lighting& lighting, const Box& box, bool is_cut) {
-    const auto& [at, shares, number, begin, step, width, are_placed] = places;
+    const auto& [cell, shares, number, begin, step, width, are_placed] = places;
     auto texel = [&] {
         return Three{fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
     };
@@ -75,24 +75,25 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
     Classified found = {{}, in_all<Floats>(1.0f), active};
     if (is_cut && !any_of(active)) return found;
     if constexpr (KIND == MEANS) {
-        found.sample = sample_rgba(texels, at, shares);
+        found.sample = sample_rgba(texels.words, cell.at(PADDED_BRICK_SIZE), shares);
         found.visible = active & mask_of(found.sample.tau > 0.0f);
         return found;
     }
-    Corners corners = load_corners(texels, at);
-    Floats scalar = field.is_labels ? labels_at(texels, at, shares, corners, active) : interpolate(corners, shares);
+    Corners corners = load_corners(texels, cell);
+    Floats scalar = field.is_labels ? labels_at(texels.words, cell.at(PADDED_BRICK_SIZE), shares, corners, active)
+                                    : interpolate(corners, shares);
     found.visible = active & mask_of(scalar >= field.pieces.lowest_visible);
     if (!any_of(found.visible)) return found;
     found.sample = classify(table, scalar);
     found.visible = active & mask_of(found.sample.tau > 0.0f);
     Mask are_divided = found.visible & ~are_all_present(corners);
     if (field.has_absent && any_of(are_divided)) {
-        found.sample.tau *= share_of_data(texels, are_divided, places.number, begin, step, width);
+        found.sample.tau *= share_of_data(texels.words, are_divided, places.number, begin, step, width);
         found.visible &= mask_of(found.sample.tau > 0.0f);
     }
     if (!any_of(found.visible)) return found;
     auto lit = [&](auto lit_of) {
-        Three gradient = sample_gradient(texels, at, shares);
+        Three gradient = gradient_at(texels, cell, shares);
         if (lighting.faces == nullptr) return lit_of(gradient);
         auto [x, y, z] = texel();
         auto origin = [&](int axis) { return (float)(box.corner[axis] - TEXEL_OFFSET); };
@@ -157,8 +158,8 @@ struct ShownLayers {
     }
 
     // Return the texels of a brick that a ray has met, and those after them.
-    INLINE Texels texels(int64_t number, int64_t brick) const {
-        if (is_mean) return rest_of(fields[number]->means, fields[number]->voxels.offsets[brick]);
+    INLINE BrickTexels texels(int64_t number, int64_t brick) const {
+        if (is_mean) return {rest_of(fields[number]->means, fields[number]->voxels.offsets[brick])};
         return finders_of_fields[number]->texels(brick);
     }
 
@@ -272,7 +273,7 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
     for (int64_t k = 0; k < shown.num; k++) {
         const Field& field = *shown.fields[k];
         const LaneTable& table = *shown.of_fields[k];
-        Texels texels = shown.texels(k, brick);
+        BrickTexels texels = shown.texels(k, brick);
         Kind kind = shown.kind(k);
         bool is_cut = shown.is_cut(k, brick);
         const Faces all = shown.all_faces(), *faces = shown.faces(k, brick, all);
@@ -299,6 +300,8 @@ inline bool can_be_drawn(const Field& field, int64_t brick, bool is_mean) {
 // scalar, and for all cells of the light grid.
 inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean) {
     if (!match(field.voxels.offsets, is_mean) || !is_consistent(field.voxels)) return false;
+    bool is_lit = field.light.exists || field.is_lit, needs_numbers = field.is_labels || field.has_absent || field.has_colors;
+    if (!have(field.voxels, is_lit, needs_numbers)) return false;
     const auto& [rows, guide, lowest_visible] = field.pieces;
     int64_t num = rows.shape[0];
     if (num < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;

@@ -231,12 +231,12 @@ struct FieldMask {
 // (atlas.h).
 struct AtlasTexels {
     // For each brick of voxels, PADDED_BRICK_SIZE^3 texels; if the layer is lit, PADDED_BRICK_SIZE^3 gradients (x, y, z)
-    // follow them. If voxels are colours, each texel is (tau c, tau).
+    // follow them. If voxels are colours, each texel is (tau c, tau). If texels are voxels, it has their bytes.
     Array<float, 1> texels;
     // [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing, -2 for one
     // whose texels are missing. Kernels write the positions of the texels that they make.
     Array<int64_t, 1> offsets;
-    // The rules by which texels are made; None if none are missing.
+    // The rules by which texels are made; None if kernels do not make them.
     Maybe<TexelRules> rules;
     // [bricks, 3]: the place (x, y, z) of each brick, in widths of a brick.
     Sized<const int32_t, 2, 3> cells;

@@ -18,19 +18,33 @@ constexpr int MAX_SAMPLES = 4095;
 // The number of bytes that the processor loads into its cache at once.
 constexpr int CACHE_LINE_BYTES = 64;
 
-// Load the visible texels of a brick into the processor's cache while another brick is drawn. On a subsampled grid, each
-// texel is read only a few times, and half of the time would otherwise be spent waiting.
-void prefetch_brick(const Box& box, const Texels& texels, int64_t texel_floats) {
+// Load the visible texels of a brick into the processor's cache while another brick is drawn.
+//
+// num_channels: the number of float32 numbers of a texel that is no voxel.
+void prefetch_brick(const Box& box, const BrickTexels& texels, int64_t num_channels) {
+    const int64_t side = texels.side(), around = 2 * texels.margin();
+    const int64_t row_bytes = side * (texels.rules == nullptr ? 4 * num_channels : texels.rules->voxel_texels.value.num_bytes);
     auto first = [&](int axis) { return (int64_t)((box.low[axis] - box.corner[axis]) * box.scale + TEXEL_OFFSET); };
     auto end = [&](int axis) {
         int64_t last = (int64_t)((box.high[axis] - box.corner[axis]) * box.scale + TEXEL_OFFSET + 1);
-        return least(last, (int64_t)PADDED_BRICK_SIZE - 1) + 1;
+        return least(last + around, side - 1) + 1;
     };
-    int64_t row_bytes = PADDED_BRICK_SIZE * texel_floats * 4;
     for (int64_t plane = first(2); plane < end(2); plane++) {
-        const char* of_plane = (const char*)texels.data + plane * PADDED_BRICK_SIZE * row_bytes;
+        const char* of_plane = (const char*)texels.words.data + plane * side * row_bytes;
         for (int64_t at = first(1) * row_bytes; at < end(1) * row_bytes; at += CACHE_LINE_BYTES)
             __builtin_prefetch(of_plane + at);
+    }
+}
+
+// Prefetch the texels of all layers of a brick that are read only a few times: on a subsampled grid, or if they are voxels.
+// Up to half of the time would otherwise be spent waiting for them.
+void prefetch_layers(ShownLayers& shown, int64_t brick, const Array<const double, 2>& boxes, bool is_subsampled) {
+    shown.choose(brick);
+    for (int64_t layer = 0; layer < shown.num; layer++) {
+        if (!shown.has_texels(layer, brick)) continue;
+        BrickTexels texels = shown.texels(layer, brick);
+        if (is_subsampled || texels.rules != nullptr)
+            prefetch_brick(box_of(boxes, brick), texels, shown.has_means(layer) ? 4 : 1);
     }
 }
 
@@ -89,7 +103,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
            const Tile& tile, Array<float, 1> pixels) {
     const Field& field = *shown.fields[0];
     const LaneTable& table = *shown.of_fields[0];
-    Texels texels = shown.texels(0, brick);
+    BrickTexels texels = shown.texels(0, brick);
     float scale = shown.scale(0);
     [[maybe_unused]] bool is_cut = shown.is_cut(0, brick);
     const Faces all = shown.all_faces();
@@ -115,7 +129,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
             places.active = alive & mask_of(last >= number);
             if (!any_of(places.active)) break;
             places.number = min_of(last, in_all<Floats>(number));
-            places.at = cell_at(places.number, places.begin, places.step, places.shares);
+            places.cell = cell_at(places.number, places.begin, places.step, places.shares);
             Sample sample;
             Floats depth, light;
             Mask visible;
@@ -159,14 +173,7 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
     if (num_rays == 0) return true;
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         if (is_stopped()) return false;
-        if (grid.stride > 1 && k + 1 < grid.starts[number + 1]) {
-            int64_t following = grid.numbers[k + 1];
-            shown.choose(following);
-            for (int64_t layer = 0; layer < shown.num; layer++)
-                if (shown.has_texels(layer, following))
-                    prefetch_brick(box_of(boxes, following), shown.texels(layer, following),
-                                   shown.has_means(layer) ? 4 : 1);
-        }
+        if (k + 1 < grid.starts[number + 1]) prefetch_layers(shown, grid.numbers[k + 1], boxes, grid.stride > 1);
         int64_t brick = grid.numbers[k];
         shown.choose(brick);
         if (shown.num == 0) continue;

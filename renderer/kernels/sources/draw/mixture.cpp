@@ -261,8 +261,9 @@ struct Mixture {
             places.active = mask_of(from < to);
             if (!any_of(places.active)) continue;
             places.number = 0.5f * (from + to) - 0.5f, places.width = to - from;
-            places.at = cell_at(places.number, places.begin, places.step, places.shares);
-            places.at = where(places.active, places.at, in_all<Ints>(0));
+            Cell cell = cell_at(places.number, places.begin, places.step, places.shares);
+            auto held = [&](Ints along) { return where(places.active, along, in_all<Ints>(0)); };
+            places.cell = {held(cell.x), held(cell.y), held(cell.z)};
             Sample sum = sum_of_layers<NUM>(shown[group], brick, box, places, of.direction);
             if (!any_of(mask_of(sum.tau > 0.0f))) continue;
             for (int64_t k = most(bin, low); k < least(bin + own, high); k++) {

@@ -109,13 +109,21 @@ INLINE Sample classify(const LaneTable& table, Floats scalar) {
 
 INLINE Floats lerp(Floats share, Floats one, Floats other) { return fma(share, other - one, one); }
 
-// Return the texel at or below each sample along all axes. number, first, step: the number of the sample on its ray, the
-// position of sample 0 and the way to the next sample, in texels. shares: set to the distance from the texel, from 0 to 1.
-INLINE Ints cell_at(Floats number, const Three& first, const Three& step, Three& shares) {
+// The cell between eight texels in which each sample is: the number of its lowest texel along each axis.
+struct Cell {
+    Ints x, y, z;
+
+    // Return the position in memory of the lowest texel, in a brick with `side` texels along each axis.
+    INLINE Ints at(int32_t side) const { return (z * side + y) * side + x; }
+};
+
+// Return the cell of each sample. number, first, step: the number of the sample on its ray, the position of sample 0 and
+// the way to the next sample, in texels. shares: set to the distance from the lowest texel, from 0 to 1.
+INLINE Cell cell_at(Floats number, const Three& first, const Three& step, Three& shares) {
     Floats x = fma(number, step.x, first.x), y = fma(number, step.y, first.y), z = fma(number, step.z, first.z);
     Ints i = to_int32(x), j = to_int32(y), k = to_int32(z);
     shares = {x - to_float32(i), y - to_float32(j), z - to_float32(k)};
-    return (k * PADDED_BRICK_SIZE + j) * PADDED_BRICK_SIZE + i;
+    return {i, j, k};
 }
 
 // Return the eight texels whose lowest corner is at `at`.
@@ -164,7 +172,8 @@ INLINE Floats share_of_data(const Texels& texels, Mask are_divided, Floats numbe
 #pragma clang loop unroll(full)
     for (int k = 0; k < NUM_PARTS; k++) {
         Three shares;
-        Ints at = cell_at(numbers + (float)((k + 0.5) / NUM_PARTS - 0.5) * width, first, step, shares);
+        Cell cell = cell_at(numbers + (float)((k + 0.5) / NUM_PARTS - 0.5) * width, first, step, shares);
+        Ints at = cell.at(PADDED_BRICK_SIZE);
         at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // lanes without a ray may be anywhere
         share += where(are_divided & are_present(texels, at, shares), in_all<Floats>(1.0f / NUM_PARTS), zero);
     }
