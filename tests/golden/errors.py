@@ -62,7 +62,8 @@ def measured(case: Case, scene: FilmScene, before: Path) -> Iterator[tuple[int, 
     with prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores()) as stage:
         for golden in json.loads((case.folder / "golden.json").read_bytes())["frames"]:
             number, means = golden["frame"], open_means(stage, golden["frame"])
-            earlier, now = (psnr_of(folder / golden["file"], means) for folder in (before / case.name, case.folder))
+            file = golden["pictures"][0]["file"]
+            earlier, now = (psnr_of(folder / file, means) for folder in (before / case.name, case.folder))
             yield number, earlier, now
 
 

@@ -1,8 +1,8 @@
 """The table of golden frames: what each one changes in scene.yaml, and what it protects.
 
 The test compares them with what the scene gives now, and `regenerate.py` draws them again, by the program's own
-commands `hsplat compare` and `hsplat golden`. Each case has a folder in `frames`, in which golden.json records the
-origin of its frames.
+commands `hsplat compare` and `hsplat golden`, each on a file of the case's scene. Each case has a folder in `frames`,
+in which golden.json records the origin of its frames.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from hsplat_cli import main
 from renderer.readers import procedural_values
-from renderer.scene import ProceduralSource
+from renderer.scene import ProceduralSource, TreeEditor, dump_yaml, parse_yaml_file
 
 FOLDER = Path(__file__).parent
 SCENE = FOLDER / "scene.yaml"
@@ -107,12 +107,11 @@ class Case:
         return self._run("golden", changes, scratch, "--frames", self.frames, *options)
 
     def _run(self, command: str, changes: tuple[str, ...], scratch: Path, *options: str) -> int:
-        arguments = [command, str(SCENE), str(self.folder), *options]
-        for change in changes:
-            arguments += ["--set", change]
-        if self.volume is not None:
-            arguments += ["--volume", str(self.volume(scratch))]
-        return main.run(arguments)
+        editor = TreeEditor(parse_yaml_file(SCENE.read_bytes(), SCENE), SCENE)
+        editor.apply(changes, None if self.volume is None else self.volume(scratch), None)
+        scene = scratch / f"{self}.yaml"
+        scene.write_text(dump_yaml(editor.tree.data), "utf-8")
+        return main.run([command, str(scene), "--goldens", str(FRAMES), *options])
 
 
 _GOURAUD = "splat={footprint: gouraud, angular: 6, radial: 2}"
