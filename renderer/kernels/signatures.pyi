@@ -211,6 +211,7 @@ class AverageMatter(Protocol):
         shown: NDArray[np.uint8] | None,
         is_nearest: bool,
         curve: TransferTable,
+        breakpoints: NDArray[np.float64],
         index_from_cells: NDArray[np.float64],
         num_places: int,
         out: NDArray[np.float32],

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.kernels import ThreadPool, kernels
-from renderer.transfer import TransferFunction, raw_voxels
+from renderer.transfer import TransferFunction, raw_voxels, visibility_breakpoints
 from renderer.volume import Array, Bools, Float32, Float64, Volume
 
 # The number that divides the padded length of a row, as in renderer/kernels/sources/lighting/layouts.h.
@@ -98,7 +98,8 @@ def _add_layer(layer: Matter, matter: MatterGrid, threads: ThreadPool) -> None:
     num_places = round(_PLACES_PER_VOXEL * cell / volume.finest_spacing)
     average = kernels().average_matter.partial(
         raw=raw_voxels(volume), scalars=_scalars_of_patterns(volume.values.dtype), shown=volume.are_shown,
-        is_nearest=volume.is_labels, curve=layer.transfer.curve(cell * layer.weight), index_from_cells=places.ravel(),
+        is_nearest=volume.is_labels, curve=layer.transfer.curve(cell * layer.weight),
+        breakpoints=visibility_breakpoints(layer.transfer, cell * layer.weight), index_from_cells=places.ravel(),
         num_places=min(max(num_places, 1), _MAX_PLACES), out=matter.cells,
     )  # fmt: skip
     volume.require_unchanged()

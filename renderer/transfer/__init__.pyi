@@ -23,6 +23,7 @@ from .transfer_function import (
     VISIBILITY_THRESHOLD as VISIBILITY_THRESHOLD,
     TransferFunction as TransferFunction,
     make_transfer_function as make_transfer_function,
+    visibility_breakpoints as visibility_breakpoints,
 )
 
 # isort: split

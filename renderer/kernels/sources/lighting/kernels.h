@@ -59,6 +59,8 @@ struct AverageMatter {
     bool is_nearest;
     // The transfer function: albedos, and optical depths of a path through one cell, times the weight of the layer.
     TransferTable curve;
+    // The scalars, ascending, at which matter becomes visible or invisible.
+    Array<const double, 1> breakpoints;
     // [3, 4]: the matrix from places in cells (x, y, z), where cell i reaches from i to i + 1, to voxel indices.
     double index_from_cells[12];
     // The number of places along each axis of a cell.

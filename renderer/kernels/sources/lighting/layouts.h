@@ -46,13 +46,21 @@ INLINE Shape shape_of(const Array<A, 4>& along_x, const Array<B, 4>& along_z) {
     return {a[3], a[2], a[1], b[1], b[3]};
 }
 
-// Call `function(z, y, x)` for the cells of a block of slabs along z, in small cubes that stay in the cache in both
-// layouts.
+// A square of cells at one y, from (z, x) on.
+struct Tile {
+    int64_t z;
+    int64_t x;
+    int64_t num_z;
+    int64_t num_x;
+};
+
+// Call `function(y, tile)` for the squares of a block of slabs along z. The numbers of a square lie in few lines of the
+// cache in both layouts: whoever reads one layout row by row, keeps them, and writes the other row by row, loads each
+// line once.
 template <class Function>
-INLINE void for_blocks(const Shape& shape, int64_t block, Function function) {
-    int64_t z0 = block * ROW_CELLS, z1 = least(z0 + ROW_CELLS, shape.num_z);
+INLINE void for_tiles(const Shape& shape, int64_t block, Function function) {
+    int64_t z = block * ROW_CELLS, num_z = least(ROW_CELLS, shape.num_z - z);
     for (int64_t y = 0; y < shape.num_y; y++)
-        for (int64_t x0 = 0; x0 < shape.num_x; x0 += ROW_CELLS)
-            for (int64_t z = z0; z < z1; z++)
-                for (int64_t x = x0; x < least(x0 + ROW_CELLS, shape.num_x); x++) function(z, y, x);
+        for (int64_t x = 0; x < shape.num_x; x += ROW_CELLS)
+            function(y, Tile{z, x, num_z, least(ROW_CELLS, shape.num_x - x)});
 }

@@ -38,6 +38,30 @@ INLINE double scalar_at(const Array<const T, 3>& voxels, const AverageMatter& of
     return along_y(first[2]) * (1 - share[2]) + along_y(next[2]) * share[2];
 }
 
+// Return whether any scalar in a cell may be visible, by the range of all voxels near it.
+template <class T, class ScalarOf>
+INLINE bool may_show(const Array<const T, 3>& voxels, const AverageMatter& of, const double* low_corner,
+                     ScalarOf scalar_of) {
+    int64_t first[3], end[3];
+    for (int axis = 0; axis < 3; axis++) {
+        const double* row = of.index_from_cells + 4 * axis;
+        double low = low_corner[axis], high = low, num = (double)voxels.shape[2 - axis];
+        for (int k = 0; k < 3; k++) low += least(row[k], 0.0), high += most(row[k], 0.0);
+        if (!(high >= -0.5 && low <= num - 0.5)) return false;
+        first[axis] = (int64_t)most(low, 0.0), end[axis] = (int64_t)least(most(high, 0.0) + 2.0, num);
+        first[axis] = least(first[axis], end[axis] - 1);
+    }
+    double least_scalar = INFINITE, most_scalar = -INFINITE;
+    for (int64_t z = first[2]; z < end[2]; z++)
+        for (int64_t y = first[1]; y < end[1]; y++)
+            for (int64_t x = first[0]; x < end[0]; x++) {
+                double scalar = scalar_of(voxels(z, y, x));
+                if (scalar < least_scalar) least_scalar = scalar;
+                if (scalar > most_scalar) most_scalar = scalar;
+            }
+    return least_scalar <= most_scalar && is_range_visible(of.breakpoints, least_scalar, most_scalar);
+}
+
 // Return an optical depth that approaches `cap`, and is equal to `depth` where it is small.
 INLINE double capped(double depth, double cap) { return cap * -expm1_of(-depth / cap); }
 
@@ -67,6 +91,11 @@ Status average_matter(const AverageMatter* arguments) {
             if (is_stopped()) return STOPPED;
             for (int64_t x = 0; x < out.shape[3]; x++) {
                 Channels sum = {};
+                double corner[3];
+                for (int axis = 0; axis < 3; axis++)
+                    corner[axis] = m[4 * axis] * (double)x + m[4 * axis + 1] * (double)y +
+                                   m[4 * axis + 2] * (double)of.slab + m[4 * axis + 3];
+                if (!may_show(voxels, of, corner, scalar_of)) continue;
                 for (int64_t c = 0; c < of.num_places; c++)
                     for (int64_t b = 0; b < of.num_places; b++)
                         for (int64_t a = 0; a < of.num_places; a++) {
@@ -92,13 +121,16 @@ Status prepare_cells(const PrepareCells* arguments) {
     bool fits = shape.has(block) && shape.fits(cells, 4) && shape.fits(albedos, 3) && shape.fits(along_x, 4) &&
         shape.fits_turned(along_z, 4);
     if (!fits) return OUT_OF_BOUNDS;
-    for_blocks(shape, block, [&](int64_t z, int64_t y, int64_t x) {
-        double depth = (double)cells(3, z, y, x), to_middle = capped(depth, cap);
-        for (int c = 0; c < 3; c++)
-            albedos(c, z, y, x) = depth > 0 ? (float)least((double)cells(c, z, y, x) / depth, 1.0) : 0.0f;
-        float found[4] = {(float)exp_of(-half_path * to_middle), (float)exp_of(-2 * half_path * depth),
-                          (float)to_middle, (float)depth};
-        for (int k = 0; k < 4; k++) along_x(k, z, y, x) = along_z(k, x, y, z) = found[k];
+    for_tiles(shape, block, [&](int64_t y, const Tile& tile) {
+        for (int64_t z = tile.z; z < tile.z + tile.num_z; z++)
+            for (int64_t x = tile.x; x < tile.x + tile.num_x; x++) {
+                double depth = (double)cells(3, z, y, x), to_middle = capped(depth, cap);
+                for (int c = 0; c < 3; c++)
+                    albedos(c, z, y, x) = depth > 0 ? (float)least((double)cells(c, z, y, x) / depth, 1.0) : 0.0f;
+                float found[4] = {(float)exp_of(-half_path * to_middle), (float)exp_of(-2 * half_path * depth),
+                                  (float)to_middle, (float)depth};
+                for (int k = 0; k < 4; k++) along_x(k, z, y, x) = along_z(k, x, y, z) = found[k];
+            }
     });
     return DONE;
 }

@@ -177,11 +177,19 @@ Status scatter_light(const ScatterLight* arguments) {
         shape.fits(along_x, 3) && shape.fits_turned(along_z, 3) &&
         has_shape(key, shape.num_z, shape.num_y, shape.row_x);
     if (!fits) return OUT_OF_BOUNDS;
-    for (int c = 0; c < 3; c++)
-        for_blocks(shape, block, [&](int64_t z, int64_t y, int64_t x) {
-            float light = albedos(c, z, y, x) * (radiance(c, z, y, x) + key_radiance[c] * key(z, y, x));
-            along_x(c, z, y, x) = along_z(c, x, y, z) = light;
-        });
+    for_tiles(shape, block, [&](int64_t y, const Tile& tile) {
+        float kept[ROW_CELLS][ROW_CELLS];
+        for (int c = 0; c < 3; c++) {
+            for (int64_t i = 0; i < tile.num_z; i++)
+                for (int64_t j = 0; j < tile.num_x; j++) {
+                    int64_t z = tile.z + i, x = tile.x + j;
+                    float light = radiance(c, z, y, x) + key_radiance[c] * key(z, y, x);
+                    along_x(c, z, y, x) = kept[i][j] = albedos(c, z, y, x) * light;
+                }
+            for (int64_t j = 0; j < tile.num_x; j++)
+                for (int64_t i = 0; i < tile.num_z; i++) along_z(c, tile.x + j, y, tile.z + i) = kept[i][j];
+        }
+    });
     return DONE;
 }
 
@@ -192,13 +200,19 @@ Status gather_light(const GatherLight* arguments) {
     const auto& b = along_z.shape;
     Shape shape = {a[4], a[3], a[2], b[2], b[4]};
     if (!shape.has(block) || !shape.fits(out, a[1]) || a[1] != b[1] || b[3] != a[3]) return OUT_OF_BOUNDS;
-    for (int64_t c = 0; c < a[1]; c++)
-        for_blocks(shape, block, [&](int64_t z, int64_t y, int64_t x) {
-            float sum = 0.0f;
-            for (int64_t k = 0; k < a[0]; k++) sum += along_x(k, c, z, y, x);
-            for (int64_t k = 0; k < b[0]; k++) sum += along_z(k, c, x, y, z);
-            out(c, z, y, x) = sum;
-        });
+    for_tiles(shape, block, [&](int64_t y, const Tile& tile) {
+        for (int64_t c = 0; c < a[1]; c++) {
+            float sums[ROW_CELLS][ROW_CELLS] = {};
+            for (int64_t k = 0; k < b[0]; k++)
+                for (int64_t j = 0; j < tile.num_x; j++)
+                    for (int64_t i = 0; i < tile.num_z; i++) sums[i][j] += along_z(k, c, tile.x + j, y, tile.z + i);
+            for (int64_t k = 0; k < a[0]; k++)
+                for (int64_t i = 0; i < tile.num_z; i++)
+                    for (int64_t j = 0; j < tile.num_x; j++) sums[i][j] += along_x(k, c, tile.z + i, y, tile.x + j);
+            for (int64_t i = 0; i < tile.num_z; i++)
+                for (int64_t j = 0; j < tile.num_x; j++) out(c, tile.z + i, y, tile.x + j) = sums[i][j];
+        }
+    });
     return DONE;
 }
 
