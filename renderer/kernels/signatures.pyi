@@ -271,7 +271,7 @@ class GatherLight(Protocol):
         along_z: NDArray[np.float32],
     ) -> GatherLightCall: ...
 
-class MeasureRoundsCall(Protocol):
+class MeasureRoundCall(Protocol):
     def __call__(
         self,
         *,
@@ -280,13 +280,14 @@ class MeasureRoundsCall(Protocol):
         largest: NDArray[np.float32],
     ) -> None: ...
 
-class MeasureRounds(Protocol):
+class MeasureRound(Protocol):
     def partial(
         self,
         *,
         begun: NDArray[np.float32],
         ended: NDArray[np.float32],
-    ) -> MeasureRoundsCall: ...
+        number: int,
+    ) -> MeasureRoundCall: ...
 
 class MixRoundsCall(Protocol):
     def __call__(
@@ -548,7 +549,7 @@ class Kernels:
         out: NDArray[np.float32],
     ) -> None: ...
     gather_light: GatherLight
-    measure_rounds: MeasureRounds
+    measure_round: MeasureRound
     mix_rounds: MixRounds
     measure_chords: MeasureChords
     color_shares: ColorShares

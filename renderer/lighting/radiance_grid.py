@@ -152,16 +152,15 @@ def _start(matter: MatterGrid, sources: LightSources, threads: ThreadPool) -> Fl
     On the coarsest grid it is the mean of the environment, which is the light in matter that absorbs nothing.
     """
     x, y, z = matter.shape_xyz
-    start = np.empty((3, *matter.cells.shape[1:]), np.float32)
+    start = np.zeros((3, *matter.cells.shape[1:]), np.float32)
     if max(x, y, z) <= _COARSEST:
-        directions = _all_directions()
-        start[:] = environment_radiance(sources, directions).mean(axis=0).astype(np.float32)[:, None, None, None]
+        mean = environment_radiance(sources, _all_directions()).mean(axis=0)
+        start[..., :x] = mean.astype(np.float32)[:, None, None, None]
         return start
     wide = coarser(matter)
-    found = _Solve(wide, sources, threads).run(_start(wide, sources, threads))[0]
+    found, _, _ = _Solve(wide, sources, threads).run(_start(wide, sources, threads))
     for axis in (1, 2, 3):
         found = np.repeat(found, 2, axis=axis)
-    start[:] = 0
     start[..., :x] = found[:, :z, :y, :x]
     return start
 
@@ -276,16 +275,18 @@ class _Solve:
     def run(self, start: Float32) -> tuple[Float32, float, int]:
         """Return the mean radiance without the straight key light, [3, z, y, x], the last change, and the rounds."""
         begun = np.empty((_MIXED_ROUNDS, *start.shape), np.float32)
-        ended = np.zeros_like(begun)
+        ended = np.zeros_like(begun)  # zeros in the padding, so that nothing changes there
+        products = np.zeros((3, _MIXED_ROUNDS, _MIXED_ROUNDS))
         begun[0] = start
         for number in range(MAX_ROUNDS):
             here, known = number % _MIXED_ROUNDS, min(number + 1, _MIXED_ROUNDS)
             self._round(begun[here], np.full(24, 1 / 24), ended[here])
-            products, residual = self._measured(begun[:known], ended[:known], here)
+            changes, residual = self._measured(begun[:known], ended[:known], here)
+            products[:, here, :known] = products[:, :known, here] = changes
             if residual <= TOLERANCE or number + 1 == MAX_ROUNDS:
                 break
-            self._mix(ended[:known], products, begun[(number + 1) % _MIXED_ROUNDS])
-        return ended[here], residual, number + 1
+            self._mix(ended[:known], products[:, :known, :known], begun[(number + 1) % _MIXED_ROUNDS])
+        return ended[here].copy(), residual, number + 1
 
     def _mix(self, ended: Float32, products: Float64, out: Float32) -> None:
         weights = np.array([_best_weights(each) for each in products], np.float32).T
@@ -322,16 +323,16 @@ class _Solve:
         along_x, along_z = self._scattered
         self._threads.map(lambda block: scatter(block=block, along_x=along_x, along_z=along_z), self._blocks)
 
-    def _measured(self, begun: Float32, ended: Float32, here: int) -> tuple[Float64, float]:
-        """Return the inner products of the changes of rounds, [3, rounds, rounds], and the largest change of one."""
-        num, slabs = len(begun), begun.shape[2]
-        products, largest = np.empty((slabs, 3, num, num)), np.empty((slabs, num), np.float32)
-        measure = kernels().measure_rounds.partial(begun=begun, ended=ended)
+    def _measured(self, begun: Float32, ended: Float32, number: int) -> tuple[Float64, float]:
+        """Return the inner products of the change of a round with all changes, [3, rounds], and its largest change."""
+        slabs = begun.shape[2]
+        products, largest = np.empty((slabs, 3, len(begun))), np.empty(slabs, np.float32)
+        measure = kernels().measure_round.partial(begun=begun, ended=ended, number=number)
         self._threads.map(lambda z: measure(slab=z, products=products, largest=largest), range(slabs))
-        total = np.zeros((3, num, num))
-        for each in products:  # one after the other, as np.sum orders them by the processor
+        total = np.zeros(products.shape[1:])
+        for each in products:  # one after the other: np.sum chooses an order by the processor
             total += each
-        return total, float(largest[:, here].max())
+        return total, float(largest.max())
 
     def flux(self, radiance: Float32) -> list[Float32]:
         """Return the means of the parts x, y and z of directions times their radiances, each [3, z, y, x]."""

@@ -169,19 +169,22 @@ struct GatherLight {
 };
 LONG_KERNEL(gather_light, GatherLight)
 
-// Find the products by which the last rounds of the solve are mixed (Anderson 1965), over one slab of cells.
-struct MeasureRounds {
-    // [rounds, 3, z, y, x]: the mean radiances that rounds began with, and ended with.
+// Find the inner products of the change of a round with the changes of the last rounds, over one slab of cells.
+struct MeasureRound {
+    // [rounds, 3, z, y, x]: the mean radiances that the last rounds began with.
     Array<const float, 5> begun;
+    // [rounds, 3, z, y, x]: the mean radiances that they ended with.
     Array<const float, 5> ended;
+    // The number of the round.
+    int64_t number;
     // The index of the slab of cells, along z.
     EACH_CALL int64_t slab;
-    // [z, 3, rounds, rounds]: for each slab, the inner products of the rounds' changes, for each colour.
-    EACH_CALL Array<double, 4> products;
-    // [z, rounds]: for each slab, the largest change of each round.
-    EACH_CALL Array<float, 2> largest;
+    // [z, 3, rounds]: for each slab and colour, the products.
+    EACH_CALL Array<double, 3> products;
+    // [z]: for each slab, the largest change of the round.
+    EACH_CALL Array<float, 1> largest;
 };
-LONG_KERNEL(measure_rounds, MeasureRounds)
+LONG_KERNEL(measure_round, MeasureRound)
 
 // Mix the results of rounds, over one slab of cells.
 struct MixRounds {

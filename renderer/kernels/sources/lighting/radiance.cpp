@@ -216,32 +216,30 @@ Status gather_light(const GatherLight* arguments) {
     return DONE;
 }
 
-// Write the inner products of the changes of rounds, and their largest change, over a slab.
-Status measure_rounds(const MeasureRounds* arguments) {
-    const auto& [begun, ended, slab, products, largest] = *arguments;
+// Write the inner products of the change of a round with all changes, and its largest change, over a slab.
+Status measure_round(const MeasureRound* arguments) {
+    const auto& [begun, ended, number, slab, products, largest] = *arguments;
     const auto& s = ended.shape;
     int64_t num = s[0], slab_size = s[3] * s[4];
-    bool fits = s[1] == 3 && slab >= 0 && slab < s[2] && has_shape(begun, num, 3, s[2], s[3], s[4]) &&
-        has_shape(products, s[2], 3, num, num) && has_shape(largest, s[2], num);
+    bool fits = s[1] == 3 && s[4] % ROW_CELLS == 0 && number >= 0 && number < num && slab >= 0 && slab < s[2] &&
+        has_shape(begun, num, 3, s[2], s[3], s[4]) && has_shape(products, s[2], 3, num) && has_shape(largest, s[2]);
     if (!fits) return OUT_OF_BOUNDS;
-    for (int64_t k = 0; k < num; k++) largest(slab, k) = 0.0f;
-    for (int64_t c = 0; c < 3; c++)
-        for (int64_t j = 0; j < num; j++)
-            for (int64_t k = 0; k <= j; k++) {
-                constexpr int64_t NUM = 8;  // sums side by side, so that the loop becomes vector code
-                double sums[NUM] = {};
-                const float *b1 = &begun(j, c, slab, 0, 0), *e1 = &ended(j, c, slab, 0, 0);
-                const float *b2 = &begun(k, c, slab, 0, 0), *e2 = &ended(k, c, slab, 0, 0);
-                float most_here = largest(slab, j);
-                for (int64_t i = 0; i + NUM <= slab_size; i += NUM)
-                    for (int64_t lane = 0; lane < NUM; lane++)
-                        sums[lane] += (double)(e1[i + lane] - b1[i + lane]) * (double)(e2[i + lane] - b2[i + lane]);
-                if (j == k)
-                    for (int64_t i = 0; i < slab_size; i++) most_here = most(most_here, __builtin_fabsf(e1[i] - b1[i]));
-                double sum = 0.0;
-                for (double one : sums) sum += one;
-                products(slab, c, j, k) = products(slab, c, k, j) = sum, largest(slab, j) = most_here;
-            }
+    float most_here = 0.0f;
+    for (int64_t c = 0; c < 3; c++) {
+        const float *first = &begun(number, c, slab, 0, 0), *last = &ended(number, c, slab, 0, 0);
+        for (int64_t i = 0; i < slab_size; i++) most_here = most(most_here, __builtin_fabsf(last[i] - first[i]));
+        for (int64_t k = 0; k < num; k++) {
+            const float *other_first = &begun(k, c, slab, 0, 0), *other_last = &ended(k, c, slab, 0, 0);
+            double sums[ROW_CELLS] = {};  // side by side, so that the loop becomes vector code
+            for (int64_t i = 0; i < slab_size; i += ROW_CELLS)
+                for (int64_t lane = i; lane < i + ROW_CELLS; lane++)
+                    sums[lane - i] += (double)(last[lane] - first[lane]) * (double)(other_last[lane] - other_first[lane]);
+            double sum = 0.0;
+            for (double one : sums) sum += one;
+            products(slab, c, k) = sum;
+        }
+    }
+    largest[slab] = most_here;
     return DONE;
 }
 
