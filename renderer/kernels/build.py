@@ -41,6 +41,7 @@ _IN_LANES = (
     "draw/mixture.cpp",
     "draw/extremum.cpp",
     "lighting/light_rays.cpp",
+    "lighting/radiance.cpp",
 )
 # The machines that libraries can be made for, each with its name in zig. On Linux, libraries need glibc 2.17 (of 2012)
 # or newer.

@@ -195,6 +195,116 @@ class Transmit(Protocol):
         end: NDArray[np.float64],
     ) -> TransmitCall: ...
 
+class AverageMatterCall(Protocol):
+    def __call__(
+        self,
+        *,
+        slab: int,
+    ) -> None: ...
+
+class AverageMatter(Protocol):
+    def partial(
+        self,
+        *,
+        raw: NDArray[Any],
+        scalars: NDArray[np.float64] | None,
+        shown: NDArray[np.uint8] | None,
+        is_nearest: bool,
+        curve: TransferTable,
+        breakpoints: NDArray[np.float64],
+        index_from_cells: NDArray[np.float64],
+        num_places: int,
+        out: NDArray[np.float32],
+    ) -> AverageMatterCall: ...
+
+class PrepareCellsCall(Protocol):
+    def __call__(
+        self,
+        *,
+        block: int,
+        albedos: NDArray[np.float32],
+        along_x: NDArray[np.float32],
+        along_z: NDArray[np.float32],
+    ) -> None: ...
+
+class PrepareCells(Protocol):
+    def partial(
+        self,
+        *,
+        cells: NDArray[np.float32],
+        half_path: float,
+        cap: float,
+    ) -> PrepareCellsCall: ...
+
+class ScatterLightCall(Protocol):
+    def __call__(
+        self,
+        *,
+        block: int,
+        along_x: NDArray[np.float32],
+        along_z: NDArray[np.float32],
+    ) -> None: ...
+
+class ScatterLight(Protocol):
+    def partial(
+        self,
+        *,
+        albedos: NDArray[np.float32],
+        radiance: NDArray[np.float32],
+        key: NDArray[np.float32],
+        key_radiance: NDArray[np.float64],
+    ) -> ScatterLightCall: ...
+
+class GatherLightCall(Protocol):
+    def __call__(
+        self,
+        *,
+        block: int,
+        out: NDArray[np.float32],
+    ) -> None: ...
+
+class GatherLight(Protocol):
+    def partial(
+        self,
+        *,
+        along_x: NDArray[np.float32],
+        along_z: NDArray[np.float32],
+    ) -> GatherLightCall: ...
+
+class MeasureRoundCall(Protocol):
+    def __call__(
+        self,
+        *,
+        slab: int,
+        products: NDArray[np.float64],
+        largest: NDArray[np.float32],
+    ) -> None: ...
+
+class MeasureRound(Protocol):
+    def partial(
+        self,
+        *,
+        begun: NDArray[np.float32],
+        ended: NDArray[np.float32],
+        number: int,
+    ) -> MeasureRoundCall: ...
+
+class MixRoundsCall(Protocol):
+    def __call__(
+        self,
+        *,
+        slab: int,
+        out: NDArray[np.float32],
+    ) -> None: ...
+
+class MixRounds(Protocol):
+    def partial(
+        self,
+        *,
+        ended: NDArray[np.float32],
+        weights: NDArray[np.float32],
+    ) -> MixRoundsCall: ...
+
 class MeasureChordsCall(Protocol):
     def __call__(
         self,
@@ -412,6 +522,35 @@ class Kernels:
     ) -> None: ...
     average_voxels: AverageVoxels
     transmit: Transmit
+    average_matter: AverageMatter
+    prepare_cells: PrepareCells
+    scatter_light: ScatterLight
+    def sweep_light(
+        self,
+        *,
+        shares: NDArray[np.float32],
+        scattered: NDArray[np.float32],
+        are_planes_first: bool,
+        is_upwards: bool,
+        offsets: NDArray[np.float32],
+        entering: NDArray[np.float32],
+        weights: NDArray[np.float64],
+        out: NDArray[np.float32],
+    ) -> None: ...
+    def shine_key(
+        self,
+        *,
+        shares: NDArray[np.float32],
+        are_planes_first: bool,
+        is_upwards: bool,
+        offset: NDArray[np.float64],
+        path: float,
+        weight: float,
+        out: NDArray[np.float32],
+    ) -> None: ...
+    gather_light: GatherLight
+    measure_round: MeasureRound
+    mix_rounds: MixRounds
     measure_chords: MeasureChords
     color_shares: ColorShares
     build_blocks: BuildBlocks

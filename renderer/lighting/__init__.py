@@ -3,6 +3,9 @@
 In: `Volume`, `TransferFunction`, the direction of a light that is fixed to the object. Out: `LightGrid`, a grid of
 cells with factors on the ambient and on the diffuse light.
 
+- `environment.py`: the sources of light around the object: an environment and a key light
+- `matter_grid.py`: the mean extinctions and albedos of all layers, on one grid in the world
+- `radiance_grid.py`: the light in matter that scatters, on that grid
 - `light_grid.py`: the light grid, computed from the cells' mean extinctions
 """
 

@@ -1,1 +1,13 @@
+from .environment import (
+    LightSources as LightSources,
+    environment_radiance as environment_radiance,
+    key_radiance as key_radiance,
+    key_solid_angle as key_solid_angle,
+)
 from .light_grid import compute_light_grid as compute_light_grid
+from .matter_grid import Matter as Matter
+from .radiance_grid import (
+    RadianceGrid as RadianceGrid,
+    compute_radiance_grid as compute_radiance_grid,
+    solve_bytes as solve_bytes,
+)

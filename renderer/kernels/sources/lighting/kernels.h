@@ -44,3 +44,157 @@ struct Transmit {
     EACH_CALL Array<float, 2> out;
 };
 LONG_KERNEL(transmit, Transmit)
+
+// Add the mean extinctions of a layer, and its mean albedos times extinction, over a slab of cells of a world grid.
+//
+// The scalar is linear between voxel centres, and is taken at places that are spread evenly over each cell.
+struct AverageMatter {
+    // [z, y, x]: the voxels; those of at most 16 bits as unsigned bit patterns.
+    AnyArray<3> raw;
+    // [patterns]: the scalar of each bit pattern, NaN without data; None for voxels of more than 16 bits.
+    Maybe<Array<const double, 1>> scalars;
+    // [z, y, x]: 0 for voxels that a mask hides; None without a mask.
+    Maybe<Array<const uint8_t, 3>> shown;
+    // Whether the scalar of a place is the value of the nearest voxel, as of labels.
+    bool is_nearest;
+    // The transfer function: albedos, and optical depths of a path through one cell, times the weight of the layer.
+    TransferTable curve;
+    // The scalars, ascending, at which matter becomes visible or invisible.
+    Array<const double, 1> breakpoints;
+    // [3, 4]: the matrix from places in cells (x, y, z), where cell i reaches from i to i + 1, to voxel indices.
+    double index_from_cells[12];
+    // The number of places along each axis of a cell.
+    int64_t num_places;
+    // [4, z, y, x]: the sums over layers of the mean albedo times depth (r, g, b), and of the mean depth of each cell.
+    Array<float, 4> out;
+    // The index of the slab of cells, along z.
+    EACH_CALL int64_t slab;
+};
+LONG_KERNEL(average_matter, AverageMatter)
+
+// Find from the optical depths of cells how they scatter and let light through. A block is 16 slabs of cells along z.
+//
+// Arrays have two layouts, so that sweeps along each axis read rows in order: [z, y, x] and [x, y, z]. Rows are padded
+// with empty cells to a multiple of 16.
+struct PrepareCells {
+    // [4, z, y, x]: as AverageMatter writes it.
+    Array<const float, 4> cells;
+    // The length of a sweep's path through half of a cell, in widths of a cell.
+    double half_path;
+    // The optical depth of a cell that light on its way to the middle of the cell never meets.
+    double cap;
+    // The index of the block, along z.
+    EACH_CALL int64_t block;
+    // [3, z, y, x]: the albedos.
+    EACH_CALL Array<float, 4> albedos;
+    // [4, z, y, x]: the shares of light that reach the middle of a cell, and that pass through the cell, along a sweep;
+    // the optical depths of a path as long as a cell is wide, for light on its way to the middle, and for light that
+    // passes.
+    EACH_CALL Array<float, 4> along_x;
+    // [4, x, y, z]: the same.
+    EACH_CALL Array<float, 4> along_z;
+};
+LONG_KERNEL(prepare_cells, PrepareCells)
+
+// Multiply the mean radiance of a block of cells by their albedos: the light that they scatter to each direction.
+struct ScatterLight {
+    // [3, z, y, x]: the albedos.
+    Array<const float, 4> albedos;
+    // [3, z, y, x]: the mean radiance without straight light of the key light.
+    Array<const float, 4> radiance;
+    // [z, y, x]: the share of the key light that reaches each cell.
+    Array<const float, 3> key;
+    // [rgb]: the mean radiance of the whole key light.
+    float key_radiance[3];
+    // The index of the block, along z.
+    EACH_CALL int64_t block;
+    // [3, z, y, x] and [3, x, y, z]: the light that cells scatter.
+    EACH_CALL Array<float, 4> along_x;
+    EACH_CALL Array<float, 4> along_z;
+};
+LONG_KERNEL(scatter_light, ScatterLight)
+
+// Carry light through all cells along four directions, whose largest part is along one axis.
+struct SweepLight {
+    // [4, planes, rows, cells] if `are_planes_first`, else [4, rows, planes, cells]: as PrepareCells writes it.
+    Array<const float, 4> shares;
+    // [3, ...]: the light that cells scatter, in the same order.
+    Array<const float, 4> scattered;
+    // Whether the planes of the sweep are along the first of the three axes, else along the second.
+    bool are_planes_first;
+    // Whether light goes towards higher numbers of planes.
+    bool is_upwards;
+    // [directions, 2]: the place from which light comes, in the plane before, in rows and in cells; from -1 to 1.
+    Sized<const float, 2, 4, 2> offsets;
+    // [directions, rgb]: the radiance that enters the grid.
+    Sized<const float, 2, 4, 3> entering;
+    // [directions]: the weight of each direction in the sum.
+    float weights[4];
+    // [3, ...]: the weighted sum of the radiances at the middles of cells, in the same order.
+    Array<float, 4> out;
+};
+LONG_KERNEL(sweep_light, SweepLight)
+
+// Add the share of light of one direction that reaches each cell, without any that is scattered.
+//
+// Rays begin at the border and are moved from plane to plane, so that the edges of shadows stay sharp.
+struct ShineKey {
+    // [4, ...]: as in SweepLight.
+    Array<const float, 4> shares;
+    // Whether the planes are along the first of the three axes, else along the second.
+    bool are_planes_first;
+    // Whether light goes towards higher numbers of planes.
+    bool is_upwards;
+    // The place from which light comes, in the plane before, in rows and in cells; from -1 to 1.
+    float offset[2];
+    // The length of the path through a plane, in widths of a cell.
+    float path;
+    // The share of the key light that this direction stands for.
+    float weight;
+    // [1, ...]: the sum of the shares over directions.
+    Array<float, 4> out;
+};
+LONG_KERNEL(shine_key, ShineKey)
+
+// Add up sums of sweeps over a block of cells, in a fixed order.
+struct GatherLight {
+    // [sums, channels, z, y, x]: the sums of sweeps along y and z.
+    Array<const float, 5> along_x;
+    // [sums, channels, x, y, z]: the sums of sweeps along x.
+    Array<const float, 5> along_z;
+    // The index of the block, along z.
+    EACH_CALL int64_t block;
+    // [channels, z, y, x]: all sums.
+    EACH_CALL Array<float, 4> out;
+};
+LONG_KERNEL(gather_light, GatherLight)
+
+// Find the inner products of the change of a round with the changes of the last rounds, over one slab of cells.
+struct MeasureRound {
+    // [rounds, 3, z, y, x]: the mean radiances that the last rounds began with.
+    Array<const float, 5> begun;
+    // [rounds, 3, z, y, x]: the mean radiances that they ended with.
+    Array<const float, 5> ended;
+    // The number of the round.
+    int64_t number;
+    // The index of the slab of cells, along z.
+    EACH_CALL int64_t slab;
+    // [z, 3, rounds]: for each slab and colour, the products.
+    EACH_CALL Array<double, 3> products;
+    // [z]: for each slab, the largest change of the round.
+    EACH_CALL Array<float, 1> largest;
+};
+LONG_KERNEL(measure_round, MeasureRound)
+
+// Mix the results of rounds, over one slab of cells.
+struct MixRounds {
+    // [rounds, 3, z, y, x]: the mean radiances that rounds ended with.
+    Array<const float, 5> ended;
+    // [rounds, 3]: the weight of each round, for each colour.
+    Sized<const float, 2, 3> weights;
+    // The index of the slab of cells, along z.
+    EACH_CALL int64_t slab;
+    // [3, z, y, x]: the mix, nowhere below 0.
+    EACH_CALL Array<float, 4> out;
+};
+LONG_KERNEL(mix_rounds, MixRounds)

@@ -1,0 +1,141 @@
+"""Average the matter of all layers over the cells of one grid in the world.
+
+The grid has the axes of the world, covers the boxes of all volumes, and has one empty cell beyond each border.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.kernels import ThreadPool, kernels
+from renderer.transfer import TransferFunction, raw_voxels, visibility_breakpoints
+from renderer.volume import Array, Bools, Float32, Float64, Volume
+
+# The number that divides the padded length of a row, as in renderer/kernels/sources/lighting/layouts.h.
+ROW_CELLS = 16
+# The number of places along an axis of a voxel at which matter is averaged.
+_PLACES_PER_VOXEL = 2
+# The largest number of places along an axis of a cell.
+_MAX_PLACES = 4
+
+
+class Matter(NamedTuple):
+    """A layer of matter."""
+
+    volume: Volume
+    # The transfer function, with linear albedos as colours (`albedos_of`).
+    transfer: TransferFunction
+    # The factor on extinctions.
+    weight: float = 1.0
+    # Tells which boxes are clipped away, as in `compute_light_grid`.
+    are_removed: Callable[[Float64], Bools] | None = None
+
+
+class MatterGrid(NamedTuple):
+    """The matter in the cells of a grid."""
+
+    # [3]: the lowest corner of the grid (x, y, z), in the world.
+    origin: Float64
+    # The width of a cell, in the world.
+    cell: float
+    # The number of cells along x, y, z.
+    shape_xyz: tuple[int, int, int]
+    # [4, z, y, x]: the mean albedo times optical depth (r, g, b), and the mean optical depth, on a path through one
+    # cell. Rows are padded with empty cells to a multiple of ROW_CELLS.
+    cells: Float32
+
+
+def place_grid(
+    volumes: Sequence[Volume], cell_voxels: float, max_cells: int
+) -> tuple[Float64, float, tuple[int, int, int]]:
+    """Return where the grid lies over the boxes of all volumes: `origin`, `cell` and `shape_xyz` of a MatterGrid.
+
+    cell_voxels: the width of a cell, in the finest spacing of all volumes. Cells are wider where the grid would have
+    more than `max_cells` along an axis.
+    """
+    corners = np.concatenate([_corners(volume) for volume in volumes])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    finest = min(volume.finest_spacing for volume in volumes)
+    cell = max(cell_voxels * finest, float((high - low).max()) / (max_cells - 2))
+    # A cell that would be filled by less than a thousandth of its width is rounding, or is not seen.
+    x, y, z = (max(1, int(np.ceil(extent / cell - 1e-3))) + 2 for extent in high - low)
+    return (low + high) / 2 - np.array([x, y, z]) * cell / 2, cell, (x, y, z)
+
+
+def _corners(volume: Volume) -> Float64:
+    """Return the corners of the box of a volume in the world, float64 [8, 3]."""
+    ends = np.array([[-0.5] * 3, np.array(volume.shape_xyz) - 0.5])
+    chosen = np.array([[ends[(k >> axis) & 1, axis] for axis in range(3)] for k in range(8)])
+    return np.asarray(chosen @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3])
+
+
+def average_layers(
+    layers: Sequence[Matter], origin: Float64, cell: float, shape_xyz: tuple[int, int, int], threads: ThreadPool
+) -> MatterGrid:
+    """Return the matter of all layers on a grid. origin, cell, shape_xyz: as `place_grid` returns them.
+
+    Raises InputError if a volume's file was changed.
+    """
+    x, y, z = shape_xyz
+    matter = MatterGrid(origin, cell, shape_xyz, np.zeros((4, z, y, -(-x // ROW_CELLS) * ROW_CELLS), np.float32))
+    for layer in layers:
+        if layer.are_removed is None:
+            _add_layer(layer, matter, threads)
+            continue
+        own = matter._replace(cells=np.zeros_like(matter.cells))
+        _add_layer(layer, own, threads)
+        matter.cells[:] += own.cells * ~_removed_cells(layer.volume, layer.are_removed, matter)
+    return matter
+
+
+def _add_layer(layer: Matter, matter: MatterGrid, threads: ThreadPool) -> None:
+    volume, cell = layer.volume, matter.cell
+    to_index = np.linalg.inv(volume.world_from_index)
+    places = np.column_stack([to_index[:3, :3] * cell, to_index[:3, :3] @ matter.origin + to_index[:3, 3]])
+    num_places = round(_PLACES_PER_VOXEL * cell / volume.finest_spacing)
+    average = kernels().average_matter.partial(
+        raw=raw_voxels(volume), scalars=_scalars_of_patterns(volume.values.dtype), shown=volume.are_shown,
+        is_nearest=volume.is_labels, curve=layer.transfer.curve(cell * layer.weight),
+        breakpoints=visibility_breakpoints(layer.transfer, cell * layer.weight), index_from_cells=places.ravel(),
+        num_places=min(max(num_places, 1), _MAX_PLACES), out=matter.cells,
+    )  # fmt: skip
+    volume.require_unchanged()
+    threads.map(lambda z: average(slab=z), range(matter.cells.shape[1]))
+    volume.require_unchanged()
+
+
+def _scalars_of_patterns(dtype: np.dtype[np.generic]) -> Array | None:
+    """Return the scalar of each bit pattern, NaN for numbers that are not finite; None for more than 16 bits."""
+    if dtype.itemsize > 2:
+        return None
+    patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}").view(dtype)
+    scalars = patterns.astype(np.float64)
+    scalars[~np.isfinite(scalars)] = np.nan
+    return scalars
+
+
+def _removed_cells(volume: Volume, are_removed: Callable[[Float64], Bools], matter: MatterGrid) -> Bools:
+    """Return which cells have their middles clipped away, bool [z, y, x], padded."""
+    z, y, x = np.indices(matter.cells.shape[1:]).reshape(3, -1) + 0.5
+    places = matter.origin + matter.cell * np.column_stack([x, y, z])
+    to_index = np.linalg.inv(volume.world_from_index)
+    middles = places @ to_index[:3, :3].T + to_index[:3, 3] - volume.centre_index
+    removed = are_removed(np.stack([middles, middles], axis=1))
+    return np.asarray(removed.reshape(matter.cells.shape[1:]))
+
+
+def coarser(matter: MatterGrid) -> MatterGrid:
+    """Return the same matter on cells of twice the width."""
+    x, y, z = matter.shape_xyz
+    halves = (-(-x // 2), -(-y // 2), -(-z // 2))
+    padded = np.zeros((4, 2 * halves[2], 2 * halves[1], 2 * halves[0]), np.float32)
+    padded[:, :z, :y, :x] = matter.cells[..., :x]
+    sums = padded[..., ::2] + padded[..., 1::2]
+    sums = sums[:, :, ::2] + sums[:, :, 1::2]
+    sums = sums[:, ::2] + sums[:, 1::2]
+    cells = np.zeros((4, halves[2], halves[1], -(-halves[0] // ROW_CELLS) * ROW_CELLS), np.float32)
+    cells[..., : halves[0]] = sums / 4  # the mean of eight depths, on a path of twice the length
+    return MatterGrid(matter.origin, 2 * matter.cell, halves, cells)
