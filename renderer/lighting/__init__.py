@@ -3,6 +3,7 @@
 In: `Volume`, `TransferFunction`, the direction of a light that is fixed to the object. Out: `LightGrid`, a grid of
 cells with factors on the ambient and on the diffuse light.
 
+- `environment.py`: the sources of light around the object: an environment and a key light
 - `light_grid.py`: the light grid, computed from the cells' mean extinctions
 """
 

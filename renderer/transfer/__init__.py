@@ -7,6 +7,7 @@ refer.
 
 - `transfer_function.py`: control points with exact extinctions, and the min-max test for a range of scalars
 - `piecewise.py`: tables of linear pieces
+- `albedos.py`: the albedos of matter from its colours
 - `light_factors.py`: the type of the light grid, whose factors `renderer.lighting` computes
 - `classify.py`: the tables by which voxels get colours, extinctions and light
 

@@ -1,3 +1,4 @@
+from .albedos import albedos_of as albedos_of, linear_of_srgb as linear_of_srgb
 from .classify import (
     RawVoxels as RawVoxels,
     make_classifier as make_classifier,
@@ -23,3 +24,7 @@ from .transfer_function import (
     TransferFunction as TransferFunction,
     make_transfer_function as make_transfer_function,
 )
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .albedos import albedo_of_thick as albedo_of_thick
