@@ -1,4 +1,4 @@
-// Exponentials and powers in float64, with the same bytes on every machine: they use no C library, and no instruction
+// Exponentials, powers and logarithms in float64, with the same bytes on every machine: they use no C library, and no instruction
 // that some machines lack.
 //
 // The largest errors for a million arguments of each function, against 39 digits, are 0.51 (exp_of), 0.66 (expm1_of)
@@ -212,4 +212,22 @@ INLINE double power_of(double x, double y) {
     using namespace maths;
     if (!(0x1p-1022 <= x && x < INFINITE && __builtin_fabs(y) < INFINITE)) return extreme_power(x, y);
     return power_of_normal(__builtin_bit_cast(uint64_t, x), 0, y);
+}
+
+// Return the natural logarithm of a normal number above 0. The largest error for a million arguments between 2^-53 and
+// 1 is 0.6 units of the last place.
+INLINE double log_of(double x) {
+    using namespace maths;
+    constexpr double log_2 = rounded(LOG_2, 0x1p-42), rest_of_log_2 = (double)(LOG_2 - log_2);
+    const uint64_t bits = __builtin_bit_cast(uint64_t, x), offset = bits - Logarithms::FIRST;
+    const int64_t k = (int64_t)offset >> 52;
+    const auto [inverse, log_high, log_low] = LOGARITHMS.of[offset / Logarithms::WIDTH % Logarithms::NUM];
+    // The number is (1 + r) / inverse * 2^k, |r| < 0.0047. The bits of `inverse` are so few that r_high is exact.
+    const double z = __builtin_bit_cast(double, bits - ((uint64_t)k << 52));
+    const double z_high = __builtin_bit_cast(double, __builtin_bit_cast(uint64_t, z) >> 32 << 32);
+    const double r_high = z_high * inverse - 1.0, r_low = (z - z_high) * inverse, r = r_high + r_low;
+    const double series = (1.0 / 3 - r * (1.0 / 4)) + r * r * ((1.0 / 5 - r * (1.0 / 6)) + r * r * (1.0 / 7 - r * (1.0 / 8)));
+    const double first = (double)k * log_2 + log_high, high = first + r_high;
+    const double lack = (first - high) + r_high;
+    return high + (lack + (r_low + ((double)k * rest_of_log_2 + log_low)) - 0.5 * r * r + r * r * r * series);
 }
