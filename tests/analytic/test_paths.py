@@ -132,11 +132,17 @@ def test_a_slab_that_scatters_once(depth: float) -> None:
     assert found[0] == pytest.approx(exact, abs=FOUR * error[0])
 
 
-def test_a_gradient_of_the_sky_in_a_thin_slab() -> None:
-    """Bands 1 and 2 have no mean over all directions, so that clear matter shows band 0 alone."""
-    found, error = traced([slab(1e-7, 0.7)], sources((1.0, 0.5, 0.4)), 20000)
-    assert found[0] / found[3] == pytest.approx(0.7, abs=FOUR * error[0] / found[3])
-    assert error[0] / found[3] < 0.003
+@pytest.mark.parametrize("bands", [(1.0, 0.0, 0.0), (1.0, 0.8, 0.0), (1.0, -0.8, 0.0), (1.0, 0.0, 1.2)])
+def test_a_sky_over_a_dark_half_space(bands: tuple[float, float, float]) -> None:
+    """At the cosine m, the sky has the mean sum b_l P_l(0.8) P_l(m), of which a m / (m + 1) is seen."""
+    albedo = 1e-4
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    mu, of_axis = (nodes + 1) / 2, (1.0, 0.8, 1.5 * 0.8**2 - 0.5)
+    sky = np.polynomial.legendre.legval(mu, np.multiply(bands, of_axis))
+    exact = albedo / 2 * np.sum(weights / 2 * sky * mu / (1 + mu))
+    found, error = traced([slab(60.0, albedo)], sources(bands), 20000)
+    assert error[0] < 0.02 * exact
+    assert found[0] == pytest.approx(exact, abs=FOUR * error[0])
 
 
 @pytest.mark.parametrize(("albedo", "brightness"), [(0.5, 0.0983), (0.9, 0.3852)])
