@@ -169,12 +169,13 @@ def test_half_space_aslant_and_reciprocity() -> None:
         assert found[0] / cosine == pytest.approx(per_cosine, abs=FOUR * error[0] / cosine)
 
 
-def test_a_key_light_has_a_radius() -> None:
-    """A dark half-space under a disc of 40 degrees: the mean of m / (1 + m) over the cosines m of the disc."""
-    albedo, lowest = 1e-4, np.cos(np.radians(40.0))
+@pytest.mark.parametrize("radius", [40.0, 90.0])
+def test_a_key_light_has_a_radius(radius: float) -> None:
+    """A dark half-space under a disc: the mean of m / (1 + m) over the cosines m of the disc."""
+    albedo, lowest = 1e-4, np.cos(np.radians(radius))
     exact = albedo / 4 * (1 - np.log(2 / (1 + lowest)) / (1 - lowest))
-    found, error = traced([slab(60.0, albedo)], sources(radius=40.0, irradiance=np.pi), 20000)
-    assert error[0] < 0.01 * exact
+    found, error = traced([slab(60.0, albedo)], sources(radius=radius, irradiance=np.pi), 20000)
+    assert error[0] < 0.015 * exact
     assert found[0] == pytest.approx(exact, abs=FOUR * error[0])
 
 
@@ -198,6 +199,9 @@ def _masked(mask: Array) -> Volume:
 FIELD = random_field(oblique())
 HOLES = np.where(np.random.default_rng(11).uniform(0, 1, (6, 7, 5)) < 0.2, np.nan, random_field().values)
 MASK = np.random.default_rng(5).choice(2, (6, 7, 5)).astype(np.uint8)
+# One voxel of 1, which all macrocells share: the largest extinction of each is far above that of most of its points.
+PEAK = np.pad([[[1.0]]], [(3, 2), (3, 3), (3, 1)])
+HAZE = transfer_of((0.0, (0, 0, 0), 0.42), (1.0, (0, 0, 0), 1.2))
 BOX = tuple(tuple((FIELD.centre + end).tolist()) for end in (-1.2, 1.0))
 PLANE = PlaneSpec(tuple(FIELD.centre.tolist()), (0.3, -0.2, 1.0))
 RAMP = transfer_of((0.0, (0, 0, 0), 0.0), (0.4, (0, 0, 0), 0.03), (0.4, (0, 0, 0), 0.2), (1.0, (0, 0, 0), 0.1))
@@ -212,6 +216,7 @@ STEPS = transfer_of((0.5, (0, 0, 0), 0.0), (0.5, (0, 0, 0), 0.1), (1.5, (0, 0, 0
         TrueLayer(random_field(np.diag([1.0, 1.0, 10.0, 1.0])), RAMP, weight=0.1),
         TrueLayer(volume([[[0.7]]], np.diag([8.0, 8.0, 4.0, 1.0])), RAMP),
         TrueLayer(random_field(shape=(9, 10, 11)), RAMP),
+        TrueLayer(volume(PEAK), HAZE),
         TrueLayer(volume(HOLES, oblique()), RAMP),
         TrueLayer(box_of_labels(oblique()), STEPS, weight=0.8),
         TrueLayer(_masked(MASK), RAMP),
@@ -219,14 +224,14 @@ STEPS = transfer_of((0.5, (0, 0, 0), 0.0), (0.5, (0, 0, 0), 0.1), (1.5, (0, 0, 0
         TrueLayer(FIELD, RAMP, clip=(ClipSpec(box=BOX, invert=True),)),
         TrueLayer(FIELD, RAMP, clip=(ClipSpec(plane=PLANE),)),
     ],
-    ids=["oblique", "weight", "uneven", "one", "even", "absent", "labels", "mask", "box", "inverted", "plane"],
+    ids=["oblique", "weight", "uneven", "one", "even", "peak", "absent", "labels", "mask", "box", "inverted", "plane"],
 )
 def test_light_through_an_absorbing_wall(layer: TrueLayer) -> None:
     """A dark floor below a wall, lit from the eye, shows a / 8 times the square of the exact transmittance."""
     albedo, view = 1e-4, down(layer, (6, 6))
     floor = slab(1e3, albedo, z=float(layer.volume.centre[2]) - 60.0)
     exact = RayIntegrator([layer]).integrate(view.clipped(layer.clip), pixel_centres(view.size), [1.0])[0, :, 3]
-    assert 0.3 < exact.max() < 0.95
+    assert 0.3 < exact.max() < 0.97
     num = 2000
     places, pixels = np.repeat(pixel_centres(view.size), num, axis=0), np.repeat(np.arange(36), num)
     tracer = PathTracer([layer, floor], sources(irradiance=np.pi))
