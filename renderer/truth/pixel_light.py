@@ -21,7 +21,8 @@ from renderer.truth.places import places_in_pixels, states_of
 from renderer.view import View
 from renderer.volume import Float64, Int64
 
-# The number of paths that begin on each ray. The exact optical depth of a ray takes about as long as this many paths.
+# The number of paths that begin on each ray. On two CT scans, at about 128 paths a pixel, 4 and 8 had the least product
+# of variance and time; 2 had 1.2 to 1.3 times as much, and 16 had 1.3 to 1.6 times as much.
 PATHS_PER_RAY = 4
 # The number of halves of a pixel, and of rays through each of its squares.
 _NUM_HALVES = 2
@@ -65,7 +66,7 @@ def light_of_pixels(
 ) -> PixelLight:
     """Return the mean light of pixels, by as many paths as a standard error needs, and at most a given number.
 
-    pixels: int64 [n], their numbers, row by row. seed: of the scene and the frame; the seed and a pixel's number decide
+    pixels: int64 [n], their numbers, row by row, each once. seed: of the scene and the frame; the seed and a pixel's number decide
     its paths. standard_error: the wanted `PixelLight.standard_error`; 0 for as many paths as are allowed. most_paths:
     the most paths in a pixel; pixels have at least 2 * PATHS_PER_RAY.
     """
