@@ -66,9 +66,10 @@ def light_of_pixels(
 ) -> PixelLight:
     """Return the mean light of pixels, by as many paths as a standard error needs, and at most a given number.
 
-    pixels: int64 [n], their numbers, row by row, each once. seed: of the scene and the frame; the seed and a pixel's number decide
-    its paths. standard_error: the wanted `PixelLight.standard_error`; 0 for as many paths as are allowed. most_paths:
-    the most paths in a pixel; pixels have at least 2 * PATHS_PER_RAY.
+    pixels: int64 [n], their numbers, row by row, each once. seed: of the scene and the frame; the seed and a pixel's
+        number decide its paths.
+    standard_error: the wanted `PixelLight.standard_error`; 0 for as many paths as are allowed.
+    most_paths: the most paths in a pixel; pixels have at least 2 * PATHS_PER_RAY.
     """
     side = max(1, math.isqrt(most_paths // (_NUM_HALVES * PATHS_PER_RAY)))
     if standard_error > 0.0 and side > _FIRST_SIDE:
