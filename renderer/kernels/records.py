@@ -476,6 +476,44 @@ class LayerOptics(NamedTuple):
     label_opacities: NDArray[np.float64] | None
 
 
+class PathMask(NamedTuple):
+    """The mask of a layer, for points in space."""
+
+    # [z, y, x]: the numbers of labels; the layer is shown at points whose label is not 0.
+    values: NDArray[Any]
+    # [3, 4]: the transformation from the world to the mask's index space.
+    index_from_world: NDArray[np.float64]
+
+
+class PathMedium(NamedTuple):
+    """A layer in space, for paths that turn. Places in the world are relative to a point that all layers share."""
+
+    # [z, y, x]: the largest extinction in each macrocell, a block of 4^3 cells; NaN at first. The array is updated, and
+    # later calls with the same values and intervals use it.
+    majorants: NDArray[np.float64]
+    # [3, 4]: the transformation from the world to the layer's index space.
+    index_from_world: NDArray[np.float64]
+    # [3, 4]: the transformation from the layer's index space to the world.
+    world_from_index: NDArray[np.float64]
+    # The mask of the layer; None without a mask.
+    mask: PathMask | None
+
+
+class PathLight(NamedTuple):
+    """The sources of light around the layers, as in LightSources (renderer/lighting/environment.py), in world axes."""
+
+    # The axis of the environment, a unit vector.
+    up: NDArray[np.float64]
+    # [band, rgb]: the coefficients of the environment's radiance.
+    environment: NDArray[np.float64]
+    # The unit vector to the middle of the key light.
+    key: NDArray[np.float64]
+    # 1 less the cosine of the key light's angular radius.
+    key_rise: float
+    # [rgb]: the integral of the key light's radiance over its solid angle.
+    key_irradiance: NDArray[np.float64]
+
+
 class ClipRegion(NamedTuple):
     """The region that clip planes and boxes leave: the points p of a volume in all slabs and in no removed box.
 

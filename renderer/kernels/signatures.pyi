@@ -18,6 +18,8 @@ from renderer.kernels.records import (
     LayerOptics,
     MaskGrid,
     ModelView,
+    PathLight,
+    PathMedium,
     RaySetup,
     SearchRules,
     StreamedLevel,
@@ -400,6 +402,25 @@ class SearchRays(Protocol):
         least_rise: float,
     ) -> SearchRaysCall: ...
 
+class TracePathsCall(Protocol):
+    def __call__(
+        self,
+        *,
+        rays: Sequence[IndexRays],
+        states: NDArray[np.uint64],
+        num_paths: int,
+        radiance: NDArray[np.float64],
+    ) -> None: ...
+
+class TracePaths(Protocol):
+    def partial(
+        self,
+        *,
+        layers: Sequence[LayerOptics],
+        media: Sequence[PathMedium],
+        light: PathLight,
+    ) -> TracePathsCall: ...
+
 class Kernels:
     def guard_regions(
         self,
@@ -623,6 +644,7 @@ class Kernels:
         counts: NDArray[np.int64],
     ) -> None: ...
     search_rays: SearchRays
+    trace_paths: TracePaths
     def project_bounds(
         self,
         *,

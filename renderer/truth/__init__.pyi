@@ -6,6 +6,8 @@ from .integrator import (
     index_rays as index_rays,
 )
 from .optics import TrueLayer as TrueLayer
+from .path_tracer import PathTracer as PathTracer
+from .pixel_light import PixelLight as PixelLight, light_of_pixels as light_of_pixels
 from .pixel_means import (
     RAYS_PER_SQUARE as RAYS_PER_SQUARE,
     PixelMeans as PixelMeans,
@@ -13,7 +15,7 @@ from .pixel_means import (
     means_over as means_over,
     sides_for as sides_for,
 )
-from .places import pixel_centres as pixel_centres, places_in_pixels as places_in_pixels
+from .places import pixel_centres as pixel_centres, places_in_pixels as places_in_pixels, states_of as states_of
 from .scene_rays import SceneRays as SceneRays, chord_lengths as chord_lengths
 
 # isort: split

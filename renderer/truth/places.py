@@ -1,4 +1,7 @@
-"""Choose the places in a picture that rays pass through: x and y in pixels from its top left corner, float64 [n, 2]."""
+"""Choose the places in a picture that rays pass through: x and y in pixels from its top left corner, float64 [n, 2].
+
+Their random numbers are those of SplitMix64, and so are the numbers of the paths that begin on the rays.
+"""
 
 from __future__ import annotations
 
@@ -40,8 +43,7 @@ def places_in_pixels(pixels: Int64, width: int, sides: Int64, num: int, seed: Se
     nums = sides**2
     owners = np.repeat(np.arange(pixels.size), nums)
     squares = np.arange(owners.size) - np.repeat(np.cumsum(nums) - nums, nums)
-    states = _mixed(_mixed_seed(seed) + _STEP * pixels.astype(np.uint64))
-    states = _mixed(states + _STEP * _repetitions(pixels))[owners]
+    states = states_of(pixels, seed)[owners]
     counters = (2 * num * squares[:, None] + np.arange(1, 2 * num + 1)).astype(np.uint64)
     random = (_mixed(states[:, None] + _STEP * counters) >> _DROPPED_BITS) * _UNIT
     row, column = np.divmod(pixels[owners], width)
@@ -49,6 +51,12 @@ def places_in_pixels(pixels: Int64, width: int, sides: Int64, num: int, seed: Se
     corners, in_pixels = np.stack([column, row], axis=1), np.stack([x, y], axis=1)
     within = (in_pixels[:, None] + random.reshape(-1, num, 2)) / sides[owners, None, None]
     return np.asarray(corners[:, None] + within)
+
+
+def states_of(pixels: Int64, seed: Sequence[int]) -> UInt64:
+    """Return a state of random numbers for each pixel, uint64 [n]; parameters as in `places_in_pixels`."""
+    states = _mixed(_mixed_seed(seed) + _STEP * pixels.astype(np.uint64))
+    return _mixed(states + _STEP * _repetitions(pixels))
 
 
 def _repetitions(numbers: Int64) -> UInt64:

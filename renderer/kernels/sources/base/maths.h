@@ -1,4 +1,4 @@
-// Exponentials and powers in float64, with the same bytes on every machine: they use no C library, and no instruction
+// Exponentials, powers and logarithms in float64, with the same bytes on every machine: they use no C library, and no instruction
 // that some machines lack.
 //
 // The largest errors for a million arguments of each function, against 39 digits, are 0.51 (exp_of), 0.66 (expm1_of)
@@ -142,13 +142,15 @@ struct Logarithms {
 };
 inline constexpr Logarithms LOGARITHMS;
 
+// Return the nearest number whose last bits, of a given number, are 0.
+INLINE double shortened(double number, int num_bits) {
+    uint64_t half = 1ull << (num_bits - 1);
+    return __builtin_bit_cast(double, (__builtin_bit_cast(uint64_t, number) + half) >> num_bits << num_bits);
+}
+
 // Return x^y for x = number * 2^exponent above 0. bits: the bits of the number, which is a normal float.
 INLINE double power_of_normal(uint64_t bits, int64_t exponent, double y) {
     constexpr double log_2 = rounded(LOG_2, 0x1p-42), rest_of_log_2 = (double)(LOG_2 - log_2);
-    auto shortened = [](double number, int num_bits) {  // the nearest number whose last bits are 0
-        uint64_t half = 1ull << (num_bits - 1);
-        return __builtin_bit_cast(double, (__builtin_bit_cast(uint64_t, number) + half) >> num_bits << num_bits);
-    };
     // The number is z * 2^k, with z = (1 + r) / inverse and r = r_high + r_low, |r| < 0.0047. All factors are so short
     // that the products are exact, and so is the square of r_high.
     uint64_t offset = bits - Logarithms::FIRST;
@@ -212,4 +214,22 @@ INLINE double power_of(double x, double y) {
     using namespace maths;
     if (!(0x1p-1022 <= x && x < INFINITE && __builtin_fabs(y) < INFINITE)) return extreme_power(x, y);
     return power_of_normal(__builtin_bit_cast(uint64_t, x), 0, y);
+}
+
+// Return the natural logarithm of a normal number above 0. The error is below 1 unit of the last place for 120,000
+// arguments.
+INLINE double log_of(double x) {
+    using namespace maths;
+    constexpr double log_2 = rounded(LOG_2, 0x1p-42), rest_of_log_2 = (double)(LOG_2 - log_2);
+    const uint64_t bits = __builtin_bit_cast(uint64_t, x), offset = bits - Logarithms::FIRST;
+    const int64_t k = (int64_t)offset >> 52;
+    const auto [inverse, log_high, log_low] = LOGARITHMS.of[offset / Logarithms::WIDTH % Logarithms::NUM];
+    // The number is (1 + r) / inverse * 2^k, with r = r_high + r_low, |r| < 0.0047, as in `power_of_normal`.
+    const double z = __builtin_bit_cast(double, bits - ((uint64_t)k << 52)), z_high = shortened(z, 32);
+    const double r_high = z_high * inverse - 1.0, r_low = (z - z_high) * inverse, r = r_high + r_low;
+    const double third = 1.0 / 3 - r * (1.0 / 4), fifth = 1.0 / 5 - r * (1.0 / 6), seventh = 1.0 / 7 - r * (1.0 / 8);
+    const double series = third + r * r * (fifth + r * r * seventh);
+    const double first = (double)k * log_2 + log_high, high = first + r_high, lack = (first - high) + r_high;
+    const double low = r_low + ((double)k * rest_of_log_2 + log_low);
+    return high + ((lack + low) - 0.5 * r * r + r * r * r * series);
 }

@@ -145,3 +145,57 @@ struct SearchRays {
     EACH_CALL Array<double, 2> found;
 };
 LONG_KERNEL(search_rays, SearchRays)
+
+// The mask of a layer, for points in space.
+struct PathMask {
+    // [z, y, x]: the numbers of labels; the layer is shown at points whose label is not 0.
+    AnyArray<3> values;
+    // [3, 4]: the transformation from the world to the mask's index space.
+    double index_from_world[12];
+};
+
+// A layer in space, for paths that turn. Places in the world are relative to a point that all layers share.
+struct PathMedium {
+    // [z, y, x]: the largest extinction in each macrocell, a block of 4^3 cells; NaN at first. The array is updated, and
+    // later calls with the same values and intervals use it.
+    Array<double, 3> majorants;
+    // [3, 4]: the transformation from the world to the layer's index space.
+    double index_from_world[12];
+    // [3, 4]: the transformation from the layer's index space to the world.
+    double world_from_index[12];
+    // The mask of the layer; None without a mask.
+    Maybe<PathMask> mask;
+};
+
+// The sources of light around the layers, as in LightSources (renderer/lighting/environment.py), in world axes.
+struct PathLight {
+    // The axis of the environment, a unit vector.
+    double up[3];
+    // [band, rgb]: the coefficients of the environment's radiance.
+    Sized<const double, 2, 3, 3> environment;
+    // The unit vector to the middle of the key light.
+    double key[3];
+    // 1 less the cosine of the key light's angular radius.
+    double key_rise;
+    // [rgb]: the integral of the key light's radiance over its solid angle.
+    double key_irradiance[3];
+};
+
+// Follow the paths of light that scatters in layers, from rays on.
+struct TracePaths {
+    // The layers, without light of their own; their colours are albedos, and their extinctions add up.
+    Array<const LayerOptics, 1> layers;
+    // [layers]: the same layers in space.
+    Array<const PathMedium, 1> media;
+    // The sources of light.
+    PathLight light;
+    // The rays in the index space of each layer, as in IntegrateRays. `removed` has all clip sets of the layer.
+    EACH_CALL Array<const IndexRays, 1> rays;
+    // [n]: the state of the random numbers of each ray.
+    EACH_CALL Array<const uint64_t, 1> states;
+    // The number of paths that begin on each ray.
+    EACH_CALL int64_t num_paths;
+    // [n, 4]: the linear radiance of each ray, the mean of its paths; and the opacity, which is exact.
+    EACH_CALL Array<double, 2> radiance;
+};
+LONG_KERNEL(trace_paths, TracePaths)

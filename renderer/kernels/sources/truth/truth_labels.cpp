@@ -53,11 +53,16 @@ LabelSegment::Winner LabelSegment::winner_at(double t) const {
     return {t, numbers[winner], sums[winner] - next};
 }
 
-int64_t LabelSegment::load(const AnyArray<3>& values, const Segment& segment, const Array<double, 1>& scratch) {
+void LabelSegment::read(const AnyArray<3>& values, const Segment& segment) {
     load_cube(values, segment.cell - 1, 4, numbers);
     for (int k = 0; k < 64; k++)
         for (first[k] = 0; numbers[first[k]] != numbers[k];) first[k]++;
-    entry = segment.entry, extent = segment.extent, splits = scratch;
+    entry = segment.entry, extent = segment.extent;
+}
+
+int64_t LabelSegment::load(const AnyArray<3>& values, const Segment& segment, const Array<double, 1>& scratch) {
+    read(values, segment);
+    splits = scratch;
     num_splits = add_middles(entry, extent, splits, 0), num_changes = 0;
     double ends[5] = {0.0, 1.0, 1.0, 1.0, 1.0};
     for (int64_t k = 0; k < num_splits; k++) ends[k + 1] = splits[k];

@@ -40,7 +40,10 @@ struct LabelSegment {
         double lead;
     };
 
-    // Load the labels of a segment, and find all splits. Return the number of splits. scratch: room for the splits.
+    // Load the labels around a segment.
+    void read(const AnyArray<3>& values, const Segment& segment);
+
+    // Load the labels around a segment, and find all splits. Return the number of splits. scratch: room for the splits.
     int64_t load(const AnyArray<3>& values, const Segment& segment, const Array<double, 1>& scratch);
 
     // Return the label that wins at t along the segment.

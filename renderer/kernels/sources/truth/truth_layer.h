@@ -16,6 +16,10 @@ namespace truth {
 // The states of a macrocell: not looked at yet, showing nothing, and maybe showing something.
 enum : uint8_t { UNKNOWN, EMPTY, VISIBLE };
 
+// The optical depth at which a ray ends, because its transmittance is 1e-12. If light adds up without absorption, rays
+// do not end.
+constexpr double MAX_OPTICAL_DEPTH = 27.631021115928547;
+
 // A colour: red, green, blue.
 using Color = Point;
 
@@ -335,5 +339,27 @@ struct LayerRay : LayerOptics {
         done = to, reached = length;
     }
 };
+
+// Let the layers of a ray reach the end of the next part of the ray, on which each layer is at one piece or at none.
+// Return the layers that are at a piece, as a list; null behind the last piece.
+inline LayerRay* next_part(const Array<LayerRay, 1>& layers) {
+    double start = INFINITE, end = INFINITE;
+    for (int64_t k = 0; k < layers.shape[0]; k++) start = least(start, layers[k].reached);
+    if (start == INFINITE) return nullptr;
+    for (int64_t k = 0; k < layers.shape[0]; k++)
+        end = least(end, layers[k].reached > start ? layers[k].reached : layers[k].end);
+    LayerRay* first = nullptr;
+    for (int64_t k = layers.shape[0] - 1; k >= 0; k--) {
+        if (layers[k].reached > start) continue;
+        layers[k].reach(end), layers[k].next = first, first = &layers[k];
+    }
+    return first;
+}
+
+// Go on from a part of the ray: layers of the list whose pieces end there take their next pieces.
+inline void finish_part(LayerRay* first) {
+    for (LayerRay* layer = first; layer; layer = layer->next)
+        if (layer->reached == layer->end) layer->take_next();
+}
 
 }  // namespace truth

@@ -1,0 +1,192 @@
+// Follow the paths of light that scatters in layers, backwards from rays: the light of a ray by Monte Carlo.
+//
+// The radiance of a ray is int T tau a phi ds: the transmittance T to a point, the extinction tau, the albedo a, and the
+// mean radiance phi of all directions at the point. Extinction and opacity are exact along the ray (truth_layer.h).
+// Each path begins at a point that is chosen on the ray by the opacity that the point adds; the points are stratified.
+// From there on, directions are isotropic and lengths come from tracking (truth_medium.h). The nearest collision of all
+// layers is a collision of their sum. At each collision, a random direction to the key light adds the light of the key
+// (next-event estimation); a path that leaves all layers adds the light of the environment. A path that carries little
+// light ends by chance (Russian roulette), and counts more if it goes on. M. Pharr, W. Jakob and G. Humphreys,
+// "Physically Based Rendering", 2016, chapter 15.
+#include "truth/kernels.h"
+#include "base/stopping.h"
+#include "truth/truth_medium.h"
+
+namespace truth {
+namespace {
+
+// A path may end by chance when it carries less than this share of the light that it began with.
+constexpr double LEAST_SHARE = 0.25;
+// The share of a sphere's solid angle in one steradian: 1 / (4 pi).
+constexpr double PER_SPHERE = 0.07957747154594767;
+// The optical depth of a ray up to which opacities are proportional to depths, within a millionth.
+constexpr double CLEAR = 1e-6;
+// The number of halvings by which the place of an optical depth is found in a part of a ray.
+constexpr int NUM_HALVINGS = 52;
+
+// Return the optical depth from the start of a part of a ray to x. tau: the depth per unit of x, as a cubic in x.
+INLINE double depth_at(Cubic tau, double x) {
+    return x * (tau[0] + x * (tau[1] / 2.0 + x * (tau[2] / 3.0 + x * (tau[3] / 4.0))));
+}
+
+// Return the depth per unit of x, as a cubic in x, of all layers in a list. x goes from 0 to 1 over the part.
+INLINE Cubic sum_of_tau(const LayerRay* first) {
+    Cubic sum = {};
+    for (const LayerRay* layer = first; layer; layer = layer->next) sum += layer->part.tau;
+    return sum;
+}
+
+// Return the mean albedo of the layers in a list at x, weighted by extinction.
+Color mean_albedo(const LayerRay* first, double x) {
+    Color sum = {};
+    double total = 0.0;
+    for (const LayerRay* layer = first; layer; layer = layer->next) {
+        double tau = most(0.0, value_at(layer->part.tau, x));
+        sum += tau * layer->part.interval.color(value_at(layer->part.value, x), 1.0), total += tau;
+    }
+    return total > 0.0 ? sum / total : sum;
+}
+
+// A tracer of paths, with the data that all rays of a call share.
+struct PathTracer {
+    // The sources of light.
+    const PathLight& light;
+    // The layers, along any ray.
+    Array<Medium, 1> media;
+    // The state of the ray in each layer.
+    Array<LayerRay, 1> layers;
+
+    INLINE Color environment(Point direction) const {
+        double cosine = dot(point_of(light.up), direction);
+        auto band = [&](int number) { return point_of(&light.environment(number, 0)); };
+        Color sum = band(0) + cosine * band(1) + (1.5 * cosine * cosine - 0.5) * band(2);
+        return __builtin_elementwise_max(sum, Color{});
+    }
+
+    // Return the mean radiance of the key light at a point, by one direction to it.
+    Color key_light(Point at, Random& random) const {
+        const Color irradiance = point_of(light.key_irradiance);
+        if (__builtin_reduce_max(irradiance) == 0.0) return {};
+        const Point direction = random.direction_around(point_of(light.key), light.key_rise);
+        double left = PER_SPHERE;
+        for (int64_t k = 0; k < media.shape[0] && left > 0.0; k++) left *= media[k].transmittance(at, direction, random);
+        return left * irradiance;
+    }
+
+    // Return the light that a collision with matter of an albedo sends along the ray. Return it unfinished if the kernel
+    // was stopped.
+    Color scattered(Point at, Color albedo, Random& random) const {
+        const double least_light = LEAST_SHARE * __builtin_reduce_max(albedo);
+        Color sum = {}, through = albedo;
+        while (!is_stopped()) {
+            double largest = __builtin_reduce_max(through);
+            if (!(largest > 0.0)) break;
+            if (largest < least_light) {
+                if (!(random.below_one() * least_light < largest)) break;
+                through *= least_light / largest;
+            }
+            sum += through * key_light(at, random);
+            const Point direction = random.direction();
+            double nearest = INFINITE;
+            Matter met = {};
+            for (int64_t k = 0; k < media.shape[0]; k++)
+                nearest = least(nearest, media[k].collide(at, direction, nearest, random, met));
+            if (nearest == INFINITE) return sum + through * environment(direction);
+            at += nearest * direction, through *= met.albedo();
+        }
+        return sum;
+    }
+
+    // Return the optical depth of a ray, or of its beginning if this is opaque.
+    double depth_of(int64_t ray) const {
+        double depth = 0.0;
+        for (int64_t k = 0; k < layers.shape[0]; k++) layers[k].start(ray);
+        while (depth < MAX_OPTICAL_DEPTH) {
+            LayerRay* first = next_part(layers);
+            if (!first) break;
+            depth += most(0.0, depth_at(sum_of_tau(first), 1.0));
+            finish_part(first);
+        }
+        return depth;
+    }
+
+    // Return the mean light of some paths from a ray of a known optical depth, whose light is divided by its opacity.
+    Color mean_of_paths(int64_t ray, uint64_t state, int64_t num_paths, double depth) const {
+        const double opacity = -expm1_of(-depth);
+        Random random = {};
+        Color sum = {};
+        int64_t num_begun = 0;
+        // Return the optical depth at which the next path begins; it does not descend from path to path.
+        auto next_target = [&] {
+            if (num_begun == num_paths) return INFINITE;
+            random.state = Random::mixed(state + Random::STEP * (uint64_t)(num_begun + 1));
+            double share = ((double)num_begun++ + random.below_one()) / (double)num_paths;
+            return least(depth, depth < CLEAR ? share * depth : -log_of(1.0 - share * opacity));
+        };
+        const Point origin = layers[0].walk.origin, direction = layers[0].walk.direction;
+        const double* world_from_index = media[0].place->world_from_index;
+        double reached = 0.0, target = next_target();
+        for (int64_t k = 0; k < layers.shape[0]; k++) layers[k].start(ray);
+        while (target < INFINITE) {
+            LayerRay* first = next_part(layers);
+            if (!first || is_stopped()) break;
+            const Cubic tau = sum_of_tau(first);
+            const double end = reached + most(0.0, depth_at(tau, 1.0));
+            const Piece& part = first->part;
+            for (; target <= end && end > reached; target = next_target()) {
+                double low = 0.0, high = 1.0;
+                for (int k = 0; k < NUM_HALVINGS; k++) {
+                    double middle = 0.5 * (low + high);
+                    (depth_at(tau, middle) < target - reached ? low : high) = middle;
+                }
+                const Segment& segment = first->segment;
+                double s = lerp(segment.start, segment.end, part.start + high * part.extent);
+                const Point at = transformed(world_from_index, origin + s * direction);
+                sum += scattered(at, mean_albedo(first, high), random);
+            }
+            reached = end;
+            finish_part(first);
+        }
+        return sum / (double)num_paths;
+    }
+};
+
+bool fit(const LayerOptics& optics, const PathMedium& medium) {
+    return fits_macrocells(medium.majorants, optics.values) && !optics.colors.exists && !optics.shading.exists;
+}
+
+}  // namespace
+}  // namespace truth
+
+// Write the radiance and the opacity of rays.
+Status trace_paths(const TracePaths* arguments) {
+    using namespace truth;
+    const auto& [layers, media, light, rays, states, num_paths, radiance] = *arguments;
+    const int64_t num = radiance.shape[0], num_layers = layers.shape[0];
+    if (num_layers == 0 || media.shape[0] != num_layers || rays.shape[0] != num_layers || num_paths < 1)
+        return OUT_OF_BOUNDS;
+    if (!has_shape(radiance, num, 4) || states.shape[0] != num) return OUT_OF_BOUNDS;
+    int64_t num_splits = 0;
+    for (int64_t k = 0; k < num_layers; k++) {
+        if (!fit(layers[k], rays[k], num) || !fit(layers[k], media[k])) return OUT_OF_BOUNDS;
+        num_splits += num_splits_of(layers[k]);
+    }
+    Buffer<double> splits(num_splits);
+    Buffer<LayerRay> layer_rays(num_layers);
+    Buffer<Medium> in_space(num_layers);
+    if (!splits || !layer_rays || !in_space) return NO_MEMORY;
+    for (int64_t k = 0, split = 0; k < num_layers; k++) {
+        layer_rays[k].prepare(layers[k], rays[k], rest_of(splits, split), 0);
+        in_space[k] = {&layers[k], &media[k], rays[k].removed};
+        split += num_splits_of(layers[k]);
+    }
+    const PathTracer tracer = {light, in_space, layer_rays};
+    for (int64_t i = 0; i < num; i++) {
+        if (is_stopped()) return STOPPED;
+        const double depth = tracer.depth_of(i), opacity = -expm1_of(-depth);
+        const Color mean = depth > 0.0 ? tracer.mean_of_paths(i, states[i], num_paths, depth) : Color{};
+        for (int channel = 0; channel < 3; channel++) radiance(i, channel) = opacity * mean[channel];
+        radiance(i, 3) = opacity;
+    }
+    return is_stopped() ? STOPPED : DONE;
+}
