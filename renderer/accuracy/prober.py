@@ -16,6 +16,7 @@ from renderer.accuracy.estimate import ErrorSamples, error_samples
 from renderer.accuracy.pixels import ChosenPixels, choose_pixels, surrounding_differences
 from renderer.accuracy.shared_probes import SharedErrors, first_of_pair, shared_pixels
 from renderer.accuracy.visibility import scalar_ranges, sum_ranges
+from renderer.errors import InputError
 from renderer.film import Pixels, behind_rows, over_black, over_rows
 from renderer.frame import FilmStage, Stage, view_of
 from renderer.truth import RAYS_PER_SQUARE, PixelMeans, SceneRays, means_over, places_in_pixels, sides_for
@@ -108,6 +109,7 @@ class FrameProber:
     def __init__(
         self, stage: Stage, num_probes: int, *, seed: int = 0, num_threads: int = 2, tolerance: float | None = None
     ) -> None:
+        require_exact_rays(stage)
         self._tolerance, self._num_threads = tolerance, num_threads
         self._stage, self._num_probes, self._seed = stage, num_probes, seed
         self._rays = SceneRays(stage, num_threads=num_threads)
@@ -172,6 +174,16 @@ class FrameProber:
         return SharedErrors(first, tuple(errors.tolist()))
 
 
+def require_exact_rays(film: FilmStage) -> None:
+    """Raise InputError for a film whose accuracy exact rays cannot measure, because its matter scatters light."""
+    if film.scene.at(0).light is not None:
+        raise InputError(
+            "the accuracy of scattered light cannot be measured yet",
+            got="a scene with light",
+            expected="a scene without light, or with shading",
+        )
+
+
 def _coarse(image: Pixels) -> UInt8:
     """Return a picture of any depth, over black, in 8 bits."""
     is_coarse = image.dtype == np.uint8 and image.shape[2] == 3
@@ -179,8 +191,13 @@ def _coarse(image: Pixels) -> UInt8:
 
 
 def open_prober(film: FilmStage, num_threads: int) -> FrameProber | None:
-    """Return a prober with the number of probes that a scene asks for, or a default; None if it asks for 0 probes."""
+    """Return a prober with the number of probes that a scene asks for, or a default; None if it asks for 0 probes.
+
+    None also for a scene with `light`: exact rays do not follow light that matter scatters.
+    """
     scene, num_probes = film.scene, film.scene.error.probes
+    if scene.at(0).light is not None:
+        return None
     if num_probes is None:
         width, height = scene.output.size
         num_probes = max(_MIN_PROBES, width * height // _PIXELS_PER_PROBE, _MIN_PROBES_OF_PATH // scene.num_frames)

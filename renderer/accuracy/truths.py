@@ -11,7 +11,7 @@ import numpy as np
 from renderer.accuracy.decibels import psnr
 from renderer.accuracy.flicker import PictureErrors
 from renderer.accuracy.metrics import Accuracy, FloatImage, measure_accuracy, sampled_accuracy
-from renderer.accuracy.prober import ExactPixels, FrameProber
+from renderer.accuracy.prober import ExactPixels, FrameProber, require_exact_rays
 from renderer.draw import Rasterizer
 from renderer.frame import Clock, FilmStage, render_frames, view_of
 from renderer.scene import CameraPath, KeyframePath
@@ -96,6 +96,7 @@ def compute_truth(
 
     tolerance, on_progress: as in `RayIntegrator.converge`.
     """
+    require_exact_rays(film)
     stage = film.at(frame)
     scene, view = stage.scene, view_of(stage, frame)
     rays = SceneRays(stage, num_threads=num_threads)

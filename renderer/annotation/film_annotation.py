@@ -45,7 +45,8 @@ class FilmAnnotation:
         if kind not in known:
             known[kind] = film_facts(stage, kind)
         annotator = self._annotator(stage.scene.annotation, known[kind])
-        draw_annotation(image, annotator.patches(frame_facts(self._film.scene, stage, frame, kind, psnr)))
+        patches = annotator.patches(frame_facts(self._film.scene, stage, frame, kind, psnr))
+        draw_annotation(image, patches, is_linear=stage.scene.light is not None)
 
     def covered(self, frame: int, psnr: float | None) -> Bools | None:
         """Return which pixels of a frame's picture its annotation covers, bool [h, w]; None without an annotation.
@@ -89,5 +90,5 @@ def annotation_notes(stage: FilmStage) -> Iterator[str]:
     annotation = stage.scene.at(0).annotation
     if annotation.scale_bar is not None and not length_unit(stage):
         yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"
-    if annotation.shows_anything and stage.scene.error.probes != 0:
+    if annotation.shows_anything and stage.scene.error.probes != 0 and stage.scene.at(0).light is None:
         yield "the accuracy is that of the pictures without annotation"

@@ -9,6 +9,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.scene import Color
+from renderer.transfer import linear_of_srgb
 from renderer.volume import Float32, UInt8
 
 # The largest number of pixels of a drawing. No picture has more pixels.
@@ -163,12 +164,22 @@ def polygon(corners: Sequence[tuple[float, float]]) -> tuple[UInt8, int, int]:
     return np.asarray(counts * 255 // _SAMPLES**2, np.uint8), top, left
 
 
-def draw_annotation(image: Float32, patches: Sequence[Patch]) -> None:
-    """Put patches over a picture, which is changed in place. image: premultiplied RGBA, float32 [h, w, 4]."""
+def draw_annotation(image: Float32, patches: Sequence[Patch], *, is_linear: bool = False) -> None:
+    """Put patches over a picture, which is changed in place.
+
+    image: premultiplied RGBA, float32 [h, w, 4]. is_linear: whether it is linear light.
+    """
     for rgba, row, column in patches:
         # The rim of an entry near the picture's edge may reach beyond the edge.
         top, left = max(-row, 0), max(-column, 0)
         part = image[row + top : row + len(rgba), column + left : column + rgba.shape[1]]
         above = rgba[top : top + part.shape[0], left : left + part.shape[1]]
         part *= 1 - above[..., 3:]
-        part += above
+        part += _in_linear_light(above) if is_linear else above
+
+
+def _in_linear_light(rgba: Float32) -> Float32:
+    """Return a patch in linear light, premultiplied RGBA as before."""
+    alpha = rgba[..., 3:]
+    straight = np.divide(rgba[..., :3], alpha, out=np.zeros_like(rgba[..., :3]), where=alpha > 0)
+    return np.concatenate([alpha * linear_of_srgb(straight), alpha], axis=2).astype(np.float32)

@@ -16,6 +16,7 @@ from renderer.bricks.bricks import BrickLevel, Bricks
 from renderer.bricks.layout import HALO, PADDED_BRICK_SIZE
 from renderer.bricks.texels import voxel_texels
 from renderer.kernels import VoxelTexels
+from renderer.lighting import SceneLight
 from renderer.scene import ClipSpec, ShadingSpec
 from renderer.volume import Volume
 
@@ -59,11 +60,13 @@ class BrickLayers:
 
     clip: the planes and boxes that clip all layers, besides the planes and boxes of the view.
     is_additive: whether nothing is absorbed, so that light only adds up.
+    light: the light that the layers scatter; their colours are then linear albedos. None without such light.
     """
 
     layers: tuple[BrickLayer, ...]
     clip: tuple[ClipSpec, ...] = ()
     is_additive: bool = False
+    light: SceneLight | None = None
 
     @property
     def volume(self) -> Volume:

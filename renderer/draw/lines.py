@@ -9,6 +9,7 @@ import numpy as np
 
 from renderer.draw.overlay import Lines
 from renderer.kernels import kernels
+from renderer.transfer import linear_of_srgb
 from renderer.view import View, model_view
 from renderer.volume import Float32
 
@@ -32,18 +33,19 @@ LEVEL_COLORS = tuple(
 )
 
 
-def draw_lines(lines: Lines, view: View, image: Float32) -> None:
+def draw_lines(lines: Lines, view: View, image: Float32, *, is_linear: bool = False) -> None:
     """Draw lines over an image, each over the lines before it.
 
-    image: float32 [height, width, 4], premultiplied RGBA, changed in place.
+    image: float32 [height, width, 4], premultiplied RGBA, changed in place. is_linear: whether it is linear light.
     """
+    colors = linear_of_srgb(LEVEL_COLORS) if is_linear else LEVEL_COLORS
     camera = model_view(lines, view)
     if camera.perspective:
         camera = camera._replace(near=max(camera.near, MIN_LINE_DEPTH))
     kernels().draw_lines(
         vertices=lines.vertices,
         voxel_side=lines.voxel_side,
-        colors=np.insert(LEVEL_COLORS, 3, 1.0, axis=1),
+        colors=np.insert(colors, 3, 1.0, axis=1),
         camera=camera,
         cover=LINE_COVER,
         opacity=LINE_OPACITY,

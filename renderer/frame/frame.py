@@ -54,7 +54,8 @@ class Frame:
     """A finished frame.
 
     image: the pixels, of the kind of the first output, as `quantize` returns them.
-    radiance: float32 [height, width, 4], premultiplied RGBA without background, from which the image was made.
+    radiance: float32 [height, width, 4], premultiplied RGBA without background, from which the image was made. It is
+        linear light if the scene has `light`.
     num_cells: the number of cells, or bricks, in the cut. num_primitives: the number of cells that the frame can show.
     rays_per_pixel: the rays drawn, divided by the pixels of the picture; None for splats.
     seconds: the time that each step took. stage, view: the stage and the view from which it was drawn.
@@ -79,7 +80,7 @@ class Frame:
         """Return the radiance with the lines drawn over it, or the radiance itself if there are no lines."""
         image = self.radiance.copy() if self.lines else self.radiance
         for lines in self.lines:
-            draw_lines(lines, self.view, image)
+            draw_lines(lines, self.view, image, is_linear=self.stage.scene.light is not None)
         return image
 
 
@@ -100,7 +101,9 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     is_projection = stage.scene.mode.is_projection
     image = _add_projections(draw_list, rasterizer) if is_projection else _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
-    pixels = quantize(image, stage.scene.background, stage.scene.output.kind.depth)
+    pixels = quantize(
+        image, stage.scene.background, stage.scene.output.kind.depth, is_linear=stage.scene.light is not None
+    )
     stage.require_unchanged()  # the file may have changed while the frame was drawn
     watch.lap("quantize")
     num_rays = rasterizer.num_rays - num_rays_before

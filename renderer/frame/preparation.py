@@ -15,7 +15,17 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.frame.stage import FilmStage, Resolution, Stage
-from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer, mask_volume
+from renderer.layers import (
+    NO_SOLVED_LIGHT,
+    Layer,
+    LayerGroup,
+    SolvedLight,
+    group_layers,
+    layer_digest,
+    light_of_layers,
+    make_layer,
+    mask_volume,
+)
 from renderer.pyramid import EVERY_CUT, FinestCut
 from renderer.readers import mix_steps, read_volume
 from renderer.scene import (
@@ -58,7 +68,8 @@ class StageMaker:
     any_tolerance: whether pyramids serve every tolerance, and not only the tolerances of the scene's schedule.
     volumes: the volumes of the last scene's layers, with the keys that they were made from.
     read: the volumes that were read or placed for the last scene, by key.
-    layers: the layers of the last scene, by digest. last: the stage of the last scene.
+    layers: the layers of the last scene, by digest. last: the stage of the last scene. light: the light that its layers
+        scatter.
     known: the fingerprints that volumes of the film must have.
     """
 
@@ -68,6 +79,7 @@ class StageMaker:
     read: dict[VolumeKey, Volume] = field(default_factory=dict)
     layers: dict[str, Layer] = field(default_factory=dict)
     last: Stage | None = None
+    light: SolvedLight = NO_SOLVED_LIGHT
     known: Mapping[VolumeSpec, str] = field(default_factory=dict)
 
     def stage_at(self, film: FilmStage, frame: int) -> Stage:
@@ -76,7 +88,8 @@ class StageMaker:
         layers, target = self.layers_of(scene, min_tolerance(film.scene.error)), scene.camera.target
         if not isinstance(target, tuple):
             target = visible_centre(points_in_frame(scene, layers)[0]) if scene.camera.follow else film.target
-        return self.stage_of(scene, layers, target, scene.camera.distance or film.distance)
+        stops = None if film.groups[0].light is None else film.groups[0].light.stops
+        return self.stage_of(scene, layers, target, scene.camera.distance or film.distance, stops)
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]:
         """Return the volume of each layer of a scene, read once if volumes are equal.
@@ -153,13 +166,21 @@ class StageMaker:
             return EVERY_CUT
         return FinestCut(tolerance, scene.error.finest_level)
 
-    def stage_of(self, scene: Scene, layers: tuple[Layer, ...], target: Vector, distance: float) -> Stage:
-        """Return the stage of a scene at a frame. Parts that equal parts of the last stage are taken from it."""
+    def stage_of(
+        self, scene: Scene, layers: tuple[Layer, ...], target: Vector, distance: float, stops: float | None = None
+    ) -> Stage:
+        """Return the stage of a scene at a frame. Parts that equal parts of the last stage are taken from it.
+
+        stops: the exposure of the film's first frame; None if this is the first frame.
+        """
         camera, last = replace(scene.camera, target=target, distance=distance), self.last
         for layer in layers:
             raise_problems(camera_problems(camera, scene.output.size, volume_extent(layer.volume)))
+        light = light_of_layers(layers, scene, num_threads=self.num_threads, last=self.light, stops=stops)
         has_groups = last is not None and _have_same_groups(last.scene, last.layers, scene, layers)
-        groups = last.groups if last is not None and has_groups else group_layers(layers, scene)
+        has_groups &= light is self.light
+        self.light = light
+        groups = last.groups if last is not None and has_groups else group_layers(layers, scene, light.light)
         has_camera, placed = last is not None and last.camera == camera, layers[0].volume.world_from_index
         if last is not None and has_camera and has_groups:
             resolutions = last.resolutions

@@ -30,5 +30,9 @@ class PictureMaker:
             if spec.entries:
                 image = image.copy() if image is frame.radiance else image
                 self._annotation.draw(image, kind, frame.stage, frame.number, psnr)
-            found[number] = Picture(quantize(image, kind.background_at(frame.number), kind.depth))
+            found[number] = Picture(
+                quantize(
+                    image, kind.background_at(frame.number), kind.depth, is_linear=frame.stage.scene.light is not None
+                )
+            )
         return found

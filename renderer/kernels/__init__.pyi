@@ -21,6 +21,7 @@ from .records import (
     PathMask as PathMask,
     PathMedium as PathMedium,
     PiecewiseTransfer as PiecewiseTransfer,
+    RadianceCells as RadianceCells,
     RaySetup as RaySetup,
     RayShading as RayShading,
     RemovedSet as RemovedSet,

@@ -181,6 +181,16 @@ class Field(NamedTuple):
     mask: FieldMask | None
 
 
+class RadianceCells(NamedTuple):
+    """The mean radiance in matter that scatters light, on a grid over all layers (renderer/lighting/scene_light.py)."""
+
+    # [z, y, x, 4]: the mean radiance (r, g, b) at the middles of cells, and one number more.
+    cells: NDArray[np.float32]
+    # [3, 4]: the matrix from positions in index space, relative to the centre of the layers' volume, to cells. The
+    # middle of cell i is at i.
+    cells_from_index: NDArray[np.float64]
+
+
 class LayerBricks(NamedTuple):
     """The bricks of layers on one grid of voxels."""
 
@@ -196,6 +206,8 @@ class LayerBricks(NamedTuple):
     have_faces: NDArray[np.bool]
     # Points up to this distance from a face that clipping cuts, in units of the world, are lit by the face's normal.
     face_depth: float
+    # The light by which colours are multiplied, which are then albedos; None if matter does not scatter light.
+    radiance: RadianceCells | None
     # One field for each layer.
     fields: Sequence[Field]
 

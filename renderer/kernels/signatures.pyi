@@ -84,6 +84,7 @@ class RefineRows(Protocol):
         image: NDArray[np.float32],
         factor: int,
         threshold: float,
+        is_linear: bool,
         places: NDArray[np.int32],
     ) -> RefineRowsCall: ...
 
@@ -101,6 +102,7 @@ class MarkContrasts(Protocol):
         *,
         image: NDArray[np.float32],
         threshold: float,
+        is_linear: bool,
         marks: NDArray[np.uint8],
     ) -> MarkContrastsCall: ...
 
@@ -510,6 +512,7 @@ class Kernels:
         *,
         image: NDArray[np.float32],
         threshold: float,
+        is_linear: bool,
         pixels: NDArray[np.int64],
         marks: NDArray[np.uint8],
     ) -> None: ...
@@ -518,6 +521,7 @@ class Kernels:
         *,
         image: NDArray[np.float32],
         threshold: float,
+        is_linear: bool,
         pixels: NDArray[np.int64],
         marks: NDArray[np.uint8],
     ) -> None: ...
@@ -528,6 +532,7 @@ class Kernels:
         num_rays: int,
         pixels: NDArray[np.int64],
         threshold: float,
+        is_linear: bool,
         image: NDArray[np.float32],
         differ: NDArray[np.bool],
     ) -> None: ...
@@ -539,6 +544,7 @@ class Kernels:
         *,
         image: NDArray[np.float32],
         background: NDArray[np.float32],
+        thresholds: NDArray[np.float32] | None,
         result: NDArray[np.uint8],
     ) -> None: ...
     average_voxels: AverageVoxels

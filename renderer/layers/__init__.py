@@ -6,6 +6,7 @@ pyramid, bricks and light, with a digest by which a layer is kept and found agai
 - `layer.py`: a layer, made from plain data
 - `label_numbers.py`: labels as numbers from 1 on, and masks over volumes
 - `groups.py`: groups of layers that are drawn together
+- `scattered_light.py`: the light that all layers of a scene scatter
 - `placement.py`: the positions of volumes in the world, and problems with them
 """
 

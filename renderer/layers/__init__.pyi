@@ -13,6 +13,11 @@ from .placement import (
     placement_problems as placement_problems,
     reach_text as reach_text,
 )
+from .scattered_light import (
+    NO_SOLVED_LIGHT as NO_SOLVED_LIGHT,
+    SolvedLight as SolvedLight,
+    light_of_layers as light_of_layers,
+)
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.

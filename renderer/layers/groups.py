@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from renderer.bricks import BrickLayer, BrickLayers
 from renderer.layers.layer import Layer
+from renderer.lighting import SceneLight
 from renderer.modes import Projection
 from renderer.scene import Scene
 from renderer.volume import Volume
@@ -28,6 +29,11 @@ class LayerGroup:
         return self.layers[0].volume
 
     @property
+    def light(self) -> SceneLight | None:
+        """Return the light that the layers scatter; None without such light."""
+        return None if self.bricks is None else self.bricks.light
+
+    @property
     def projection(self) -> Projection | None:
         """Return the projection of the group's only layer; None for emission and absorption."""
         return self.layers[0].projection
@@ -39,16 +45,19 @@ class LayerGroup:
         return any(shading.is_pointwise or is_labels for shading, is_labels in lit)
 
 
-def group_layers(layers: Sequence[Layer], scene: Scene) -> tuple[LayerGroup, ...]:
-    """Return the groups of a scene's layers. In the modes of projections, each layer is a group of its own."""
+def group_layers(layers: Sequence[Layer], scene: Scene, light: SceneLight | None = None) -> tuple[LayerGroup, ...]:
+    """Return the groups of a scene's layers. In the modes of projections, each layer is a group of its own.
+
+    light: the light that all layers scatter; None without such light.
+    """
     groups: dict[object, list[Layer]] = {}
     for number, layer in enumerate(layers):
         grid = layer.volume.shape_xyz, layer.volume.world_from_index.tobytes(), layer.spec.clip
         groups.setdefault(number if layer.projection is not None else grid, []).append(layer)
-    return tuple(LayerGroup(tuple(group), _bricks_of(group, scene)) for group in groups.values())
+    return tuple(LayerGroup(tuple(group), _bricks_of(group, scene, light)) for group in groups.values())
 
 
-def _bricks_of(group: Sequence[Layer], scene: Scene) -> BrickLayers | None:
+def _bricks_of(group: Sequence[Layer], scene: Scene, light: SceneLight | None) -> BrickLayers | None:
     if scene.needs_opengl:
         return None
     if (extremes := group[0].extreme_bricks) is not None:
@@ -59,4 +68,4 @@ def _bricks_of(group: Sequence[Layer], scene: Scene) -> BrickLayers | None:
         for each in group
         if each.bricks is not None
     ]
-    return BrickLayers(tuple(bricks), group[0].spec.clip, is_additive=scene.blend == "add")
+    return BrickLayers(tuple(bricks), group[0].spec.clip, scene.blend == "add", light)

@@ -18,7 +18,7 @@ from renderer.lighting import compute_light_grid
 from renderer.modes import Projection, make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid
 from renderer.scene import RAMP_THICKNESS, FilmScene, LayerSpec, OverFrames, Scene
-from renderer.transfer import NO_LIGHT_GRID, TransferFunction, make_transfer_function
+from renderer.transfer import NO_LIGHT_GRID, TransferFunction, albedos_of, make_transfer_function
 from renderer.view import are_clipped_away, place_object_clips
 from renderer.volume import Volume, move_volume
 
@@ -31,6 +31,8 @@ class Layer:
     volume: the volume; labels in it are replaced by their numbers.
     transfer: the scene's colours and opacities.
     projection: the projection of the scene's mode; None for emission and absorption.
+    optics: the transfer function that is drawn: the projection's, the albedos of matter that scatters light, or the
+        scene's.
     light_grid: the light that reaches each place in the volume.
     pyramid: the averages of voxels, from which cells are drawn.
     bricks: the bricks; None if splats are drawn.
@@ -42,16 +44,12 @@ class Layer:
     volume: Volume
     transfer: TransferFunction
     projection: Projection | None
+    optics: TransferFunction
     light_grid: LightGrid
     pyramid: Pyramid
     bricks: Bricks | None
     extreme_bricks: BrickBatch | None
     digest: str
-
-    @property
-    def optics(self) -> TransferFunction:
-        """Return the transfer function that is drawn: the projection's, or the scene's if there is no projection."""
-        return self.transfer if self.projection is None else self.projection.optics
 
 
 def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
@@ -115,7 +113,7 @@ def _parts(spec: LayerSpec, scene: Scene, held: _Held) -> tuple[Any, ...]:
     return (
         spec.mask, spec.transfer_function, spec.color, shading,
         scene.clip + spec.clip if held.clip else (),
-        scene.mode, scene.pyramid, scene.error.measure, scene.error.of, scene.needs_opengl,
+        scene.mode, scene.pyramid, scene.error.measure, scene.error.of, scene.needs_opengl, scene.light is not None,
     )  # fmt: skip
 
 
@@ -151,7 +149,7 @@ def make_layer(
     known = kept_ranges.find()
     ranges = None if known is None else known["ranges"]
     projection = make_projection(scene.mode, transfer, volume)
-    optics = transfer if projection is None else projection.optics
+    optics = _optics_of(transfer, projection, scene, volume)
     light_grid = NO_LIGHT_GRID
     if spec.shading is not None and spec.shading.has_light_grid:
         clip = place_object_clips(volume, scene.clip + spec.clip)
@@ -179,12 +177,13 @@ def make_layer(
             alone = BrickLayers((BrickLayer(bricks),), spec.clip)
             extremes = extreme_bricks(alone, scene.mode)
     lap("pyramid")
-    return Layer(spec, volume, transfer, projection, light_grid, pyramid, bricks, extremes, digest)
+    return Layer(spec, volume, transfer, projection, optics, light_grid, pyramid, bricks, extremes, digest)
 
 
-def with_level(layer: Layer, volume: Volume | None) -> Layer:
+def with_level(layer: Layer, volume: Volume | None, scene: Scene) -> Layer:
     """Return a layer that shows another level of its volume, for exact rays, without occlusion and shadows.
 
+    scene: the scene of the layer.
     volume: the other level, which is unplaced; None for the layer's own. Pyramid and bricks remain those of the own
     level.
     """
@@ -200,7 +199,17 @@ def with_level(layer: Layer, volume: Volume | None) -> Layer:
     transfer = _transfer_of(spec, volume)
     if (labels := spec.transfer_function.labels) is not None:
         volume = number_labels(volume, labels.values)
-    return replace(layer, volume=volume, transfer=transfer)
+    optics = _optics_of(transfer, layer.projection, scene, volume)
+    return replace(layer, volume=volume, transfer=transfer, optics=optics)
+
+
+def _optics_of(
+    transfer: TransferFunction, projection: Projection | None, scene: Scene, volume: Volume
+) -> TransferFunction:
+    """Return the transfer function that is drawn for a layer, as in Layer."""
+    if projection is not None:
+        return projection.optics
+    return transfer if scene.light is None else albedos_of(transfer, volume.finest_spacing)
 
 
 def _transfer_of(spec: LayerSpec, volume: Volume) -> TransferFunction:

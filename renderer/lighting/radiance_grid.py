@@ -78,6 +78,8 @@ class RadianceGrid(NamedTuple):
     residual: float
     # The number of rounds on the finest grid.
     num_rounds: int
+    # The matter that the light was found in.
+    matter: MatterGrid
 
 
 def compute_radiance_grid(
@@ -114,7 +116,7 @@ def compute_radiance_grid(
 
     fluxes = None if flux is None else np.stack([restored(part) for part in flux], axis=-2)
     key = np.ascontiguousarray(solve.key[..., :x])
-    return RadianceGrid(matter.origin, matter.cell, restored(radiance), key, fluxes, residual, num_rounds)
+    return RadianceGrid(matter.origin, matter.cell, restored(radiance), key, fluxes, residual, num_rounds, matter)
 
 
 def solve_bytes(shape_xyz: tuple[int, int, int]) -> int:

@@ -165,7 +165,7 @@ class LevelErrors:
             spec = layer.spec.volume
             return volume_of(spec) if volume_of is not None and self._is_measured(spec) else None
 
-        layers = [with_level(layer, volume(layer)) for layer in sample.stage.layers]
+        layers = [with_level(layer, volume(layer), sample.stage.scene) for layer in sample.stage.layers]
         stage = replace(sample.stage, layers=tuple(layers))
         is_lit = any(layer.spec.shading is not None for layer in layers)
         rays = SceneRays(stage, num_threads=num_cores())

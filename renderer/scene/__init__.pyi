@@ -72,6 +72,12 @@ from .layers_section import (
     ramp as ramp,
 )
 from .level_choice import LevelChoice as LevelChoice
+from .light_section import (
+    ENVIRONMENTS as ENVIRONMENTS,
+    EnvironmentSpec as EnvironmentSpec,
+    KeySpec as KeySpec,
+    LightSpec as LightSpec,
+)
 from .limits import (
     camera_problems as camera_problems,
     raise_problems as raise_problems,

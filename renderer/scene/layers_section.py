@@ -11,6 +11,7 @@ from renderer.scene import schema
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.labels_section import MASK_SECTION, MaskSpec
+from renderer.scene.light_section import check_light
 from renderer.scene.message_text import did_you_mean
 from renderer.scene.mode_section import ModeSpec, check_mode, check_optics
 from renderer.scene.motion import moving_result
@@ -253,6 +254,7 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
         key = "volumes" if "volumes" in given else "volume"
         node.key(key).reject("splats show one volume", got=got, expected=expected)
     check_mode(node, given)
+    check_light(node, given, _placed_layers(node, given))
     for place, layer in _placed_layers(node, given):
         check_shading(place.child("shading"), {**given, "shading": layer.shading})
         check_optics(place, given.get("mode", ModeSpec()), layer.transfer_function, layer.shading)

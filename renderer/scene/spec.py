@@ -1,10 +1,11 @@
 """The frozen description of a job: the content of `scene.yaml` with every default filled in.
 
 Each large section of a scene has its own module (`volume_section`, `transfer_section`, `camera_section`,
-`error_section`, `splat_section`, `shading_section`, `mode_section`, `clip_section`, `annotation_section`,
-`output_section`) with its dataclass: for each key the type that checks it, and its default. Nothing here imports numpy
-or OpenGL, so that `hsplat check` answers at once. Lengths are in world units (those of the volume's spacing), angles in
-degrees, colours in [0, 1] as given (display-referred), shapes, points and sizes in (x, y, z) and (width, height) order.
+`error_section`, `splat_section`, `shading_section`, `light_section`, `mode_section`, `clip_section`,
+`annotation_section`, `output_section`) with its dataclass: for each key the type that checks it, and its default.
+Nothing here imports numpy or OpenGL, so that `hsplat check` answers at once. Lengths are in world units (those of the
+volume's spacing), angles in degrees, colours in [0, 1] as given (display-referred), shapes, points and sizes in
+(x, y, z) and (width, height) order.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from renderer.scene.clip_section import CLIP_SECTION, ClipSpec
 from renderer.scene.error_section import ERROR_SECTION, ErrorSpec
 from renderer.scene.labels_section import MASK_SECTION
 from renderer.scene.layers_section import VOLUMES_SECTION, LayerSpec, SharedKeys
+from renderer.scene.light_section import LightSpec
 from renderer.scene.message_text import format_value
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec
 from renderer.scene.motion import OverFrames, is_plain, values_at
@@ -64,6 +66,7 @@ SECTIONS: schema.FieldTable = {
     "splat": SPLAT_SECTION,
     "pyramid": schema.dataclass_field(PyramidSpec),
     "shading": schema.dataclass_field(ShadingSpec),
+    "light": schema.dataclass_field(LightSpec),
     "mode": MODE_SECTION,
     "clip": CLIP_SECTION,
     "mask": MASK_SECTION,
@@ -227,6 +230,7 @@ class Scene(FilmScene):
     error: ErrorSpec = field(default=ErrorSpec())
     splat: SplatSpec = field(default=SplatSpec("integrated"))
     pyramid: PyramidSpec = PyramidSpec()
+    light: LightSpec | None = None
     mode: ModeSpec = field(default=ModeSpec())
     clip: tuple[ClipSpec, ...] = ()
     blend: Blend = "mix"

@@ -42,6 +42,12 @@ def albedo_of_thick(colors: npt.ArrayLike) -> Float64:
     return np.asarray(1 - root * root)
 
 
+def color_of_thick(albedos: npt.ArrayLike) -> Float64:
+    """Return the linear colours that half-spaces of the given albedos, from 0 to 1, show in even light."""
+    root = np.sqrt(np.maximum(1 - np.asarray(albedos, np.float64), 0.0))
+    return np.asarray((1 - _OF_NUMERATOR * root) * (1 - root) / (1 + _OF_DENOMINATOR * root))
+
+
 def linear_of_srgb(colors: npt.ArrayLike) -> Float64:
     """Return colours in linear light. colors: sRGB, from 0 to 1."""
     encoded = np.asarray(colors, np.float64)

@@ -10,13 +10,22 @@ The colours of the picture alone decide which pixels get more rays: it is the sa
 
 from __future__ import annotations
 
-from typing import Protocol
+from functools import partial
+from typing import Protocol, TypedDict
 
 import numpy as np
 
 from renderer.bricks import RAYS_ACROSS, ScreenSampling
 from renderer.kernels import ThreadPool, kernels
 from renderer.volume import Bools, Float32, Int64, UInt8
+
+
+class _Compared(TypedDict):
+    """A picture whose pixels are compared, and the arguments of kernels that compare them."""
+
+    image: Float32
+    threshold: float
+    is_linear: bool
 
 
 class DrawRays(Protocol):
@@ -41,26 +50,35 @@ _HAS_MANY = 3
 _MARKED_FOR_MANY = 4
 
 
-def antialias(image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, threads: ThreadPool) -> None:
-    """Replace each pixel that needs several rays by the mean of these. image: float32 [h, w, 4], changed in place."""
+def antialias(
+    image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, threads: ThreadPool, *, is_linear: bool = False
+) -> None:
+    """Replace each pixel that needs several rays by the mean of these.
+
+    image: float32 [h, w, 4], changed in place. is_linear: whether colours are linear light, and are compared as they
+    are shown.
+    """
     few, many = RAYS_ACROSS
     marks = np.zeros(image.shape[:2], np.uint8)
-    mark = kernels().mark_contrasts.partial(image=image, threshold=sampling.contrast_threshold, marks=marks)
+    compared: _Compared = {"image": image, "threshold": sampling.contrast_threshold, "is_linear": is_linear}
+    mark = kernels().mark_contrasts.partial(**compared, marks=marks)
     threads.for_rows(lambda first, end: mark(first_row=first, end_row=end), image)
     if sampling.is_scouted:
-        _scout(image, sampling.contrast_threshold, marks, draw_rays)
+        _scout(compared, marks, draw_rays)
+    draw_means = partial(_draw_means, image, sampling.spread_threshold, draw_rays, is_linear=is_linear)
     while (pixels := np.flatnonzero(marks == _MARKED_FOR_FEW)).size:
-        differ = _draw_means(image, pixels, few, sampling.spread_threshold, draw_rays)
+        differ = draw_means(pixels, few)
         marks.reshape(-1)[pixels] = np.where(differ, _MARKED_FOR_MANY, _HAS_FEW)
-        kernels().spread_contrasts(image=image, threshold=sampling.contrast_threshold, pixels=pixels, marks=marks)
+        kernels().spread_contrasts(**compared, pixels=pixels, marks=marks)
     while (pixels := np.flatnonzero(marks == _MARKED_FOR_MANY)).size:
-        _draw_means(image, pixels, many, sampling.spread_threshold, draw_rays)
+        draw_means(pixels, many)
         marks.reshape(-1)[pixels] = _HAS_MANY
-        kernels().follow_lines(image=image, threshold=sampling.contrast_threshold, pixels=pixels, marks=marks)
+        kernels().follow_lines(**compared, pixels=pixels, marks=marks)
 
 
-def _scout(image: Float32, threshold: float, marks: UInt8, draw_rays: DrawRays) -> None:
+def _scout(compared: _Compared, marks: UInt8, draw_rays: DrawRays) -> None:
     """Draw one more ray somewhere in every third pixel without a mark, and mark the pixels whose two rays differ."""
+    image, threshold, is_linear = compared["image"], compared["threshold"], compared["is_linear"]
     height, width = image.shape[:2]
     rows_at_once = max(1, _PIXELS_AT_ONCE // width)
     for first in range(0, height, rows_at_once):
@@ -69,17 +87,29 @@ def _scout(image: Float32, threshold: float, marks: UInt8, draw_rays: DrawRays) 
         pixels = pixels[marks.reshape(-1)[pixels] == 0]
         if pixels.size:
             scouts = draw_rays(pixels, 1, is_scattered=True)
-            differ = np.abs(scouts - image.reshape(-1, 4)[pixels]).max(axis=1) > threshold
+            before = image.reshape(-1, 4)[pixels]
+            if is_linear:
+                scouts, before = _shown(scouts), _shown(before)
+            differ = np.abs(scouts - before).max(axis=1) > threshold
             marks.reshape(-1)[pixels[differ]] = _MARKED_FOR_MANY
 
 
-def _draw_means(image: Float32, pixels: Int64, across: int, threshold: float, draw_rays: DrawRays) -> Bools:
+def _shown(colors: Float32) -> Float32:
+    """Return linear colours, [n, 4], as they are compared: the function `shown` of shown.h."""
+    encoded = np.asarray(np.sqrt(np.maximum(colors, np.float32(0))))
+    encoded[:, 3] = colors[:, 3]
+    return encoded
+
+
+def _draw_means(
+    image: Float32, threshold: float, draw_rays: DrawRays, pixels: Int64, across: int, *, is_linear: bool
+) -> Bools:
     """Set pixels to the means of their rays; return whether the rays of each differ by more than a threshold."""
     differ = np.zeros(len(pixels), np.bool_)
     for first in range(0, len(pixels), _PIXELS_AT_ONCE):
         part = slice(first, first + _PIXELS_AT_ONCE)
         kernels().average_rays(
             rays=draw_rays(pixels[part], across), num_rays=across**2, pixels=pixels[part], threshold=threshold,
-            image=image.reshape(-1, 4), differ=differ[part],
+            is_linear=is_linear, image=image.reshape(-1, 4), differ=differ[part],
         )  # fmt: skip
     return differ

@@ -26,6 +26,7 @@ from renderer.draw.bricks.brick_cache import BrickCache, BrickView, drawn_bytes,
 from renderer.draw.bricks.extremum import search_of
 from renderer.draw.bricks.field import field_of
 from renderer.draw.bricks.grid import RayGrid, make_grid
+from renderer.draw.bricks.light import radiance_cells
 from renderer.draw.bricks.mixture import make_mixture
 from renderer.draw.bricks.subsampling import grid_size, refine_grid, upsample
 from renderer.draw.rasterizer import BrickMemory, Rasterizer, RayColors
@@ -77,7 +78,8 @@ class BrickRasterizer(Rasterizer):
         """Composite `batch[order]` of all batches, each front to back, over nothing.
 
         colors: the function that colours rays which gather something other than light; None for rays of light.
-        Returns float32 [height, width, 4], premultiplied RGBA. If light only adds up, alpha is the value that it would
+        Returns float32 [height, width, 4], premultiplied RGBA, in linear light if matter scatters it.
+        If light only adds up, alpha is the value that it would
         have with absorption, or the brightest channel if that is more, at most 1.
         """
         caches = self._caches_of(batches)
@@ -86,25 +88,31 @@ class BrickRasterizer(Rasterizer):
         ]
         sampling = _finest([batch.screen_sampling for batch in batches])
         is_additive = batches[0].bricks.is_additive
+        is_linear = batches[0].bricks.light is not None
         parts = [_part_alone(*each) for each in zip(caches, views, strict=True)]
         if sum(len(order) > 0 for order in orders) > 1 and not is_additive:
             parts = [_mixed_part(caches, views, sampling.termination_alpha)]
         finish = _additive_colors if is_additive else colors or _same_colors
-        image = finish(self._draw_ladder(parts, sampling, view), None)
+        image = finish(self._draw_ladder(parts, sampling, view, is_linear=is_linear), None)
         if sampling.strides[-1] == 1:
-            antialias(image, sampling, partial(self._draw_rays, parts, view, finish), self.threads)
+            draw_rays = partial(self._draw_rays, parts, view, finish)
+            antialias(image, sampling, draw_rays, self.threads, is_linear=is_linear)
         return image
 
-    def _draw_ladder(self, parts: Sequence[_Part], sampling: ScreenSampling, view: View) -> Float32:
-        """Draw one ray a pixel, or fewer, from the coarsest pixel grid to the finest: float32 [h, w, 4]."""
+    def _draw_ladder(self, parts: Sequence[_Part], sampling: ScreenSampling, view: View, *, is_linear: bool) -> Float32:
+        """Draw one ray a pixel, or fewer, from the coarsest pixel grid to the finest: float32 [h, w, 4].
+
+        is_linear: whether colours are linear light.
+        """
         columns, rows = grid_size(view.size, sampling.strides[0])
         image = np.zeros((rows, columns, 4), np.float32)
         self._draw_parts(parts, RayGrid(image.reshape(-1, 4), (rows, columns), stride=sampling.strides[0]))
         for coarse, stride in pairwise(sampling.strides):
             columns, rows = grid_size(view.size, stride)
             image, places = refine_grid(
-                image, coarse // stride, sampling.difference_threshold, (columns, rows), self.threads
-            )
+                image, coarse // stride, sampling.difference_threshold, (columns, rows), self.threads,
+                is_linear=is_linear,
+            )  # fmt: skip
             self._draw_parts(parts, RayGrid(image.reshape(-1, 4), (rows, columns), places, stride=stride))
         stride = sampling.strides[-1]
         return image if stride == 1 else upsample(image, stride, view.size, self.threads)
@@ -335,5 +343,6 @@ def _layer_bricks(
         is_mean=brick_view.is_mean,
         have_faces=brick_view.have_faces,
         face_depth=FACE_DEPTH * brick_view.batch.cut.volume.finest_spacing,
+        radiance=radiance_cells(brick_view.batch.bricks),
         fields=fields,
     )

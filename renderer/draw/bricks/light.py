@@ -1,4 +1,5 @@
-"""Describe light and extinction that depend on the view or on the length of the gradient, for `light.h`.
+"""Describe light and extinction that depend on the view or on the length of the gradient, for `light.h`, and the light
+in matter that scatters it, for `radiance.h`.
 
 Light that follows Lambert's law and has a fixed direction is in `Field.lambert` instead, which costs less time.
 """
@@ -7,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bricks import BrickLayer, texel_gradients
-from renderer.kernels import Light, Shading
+from renderer.bricks import BrickLayer, BrickLayers, texel_gradients
+from renderer.kernels import Light, RadianceCells, Shading
 from renderer.transfer import toward_light
 from renderer.volume import Float32
 
@@ -47,3 +48,13 @@ def _factors(layer: BrickLayer) -> Float32:
         slopes = (np.append(np.diff(factors) / np.diff(gradients), 0.0)[: len(points)]).astype(np.float32)
     slopes[~np.isfinite(slopes)] = 0.0  # an infinite slope is a step
     return np.column_stack([gradients.astype(np.float32), factors.astype(np.float32), slopes])
+
+
+def radiance_cells(layers: BrickLayers) -> RadianceCells | None:
+    """Return the record RadianceCells of kernels for layers on one grid of voxels; None if they scatter no light."""
+    light, volume = layers.light, layers.volume
+    if light is None:
+        return None
+    origin = (volume.centre - light.origin) / light.cell - 0.5
+    cells_from_index = np.column_stack([volume.world_from_index[:3, :3] / light.cell, origin])
+    return RadianceCells(cells=light.radiance, cells_from_index=cells_from_index.ravel())

@@ -28,18 +28,25 @@ def upsample(grid: Float32, stride: int, size: tuple[int, int], threads: ThreadP
 
 
 def refine_grid(
-    grid: Float32, factor: int, difference_threshold: float, shape: tuple[int, int], threads: ThreadPool
+    grid: Float32,
+    factor: int,
+    difference_threshold: float,
+    shape: tuple[int, int],
+    threads: ThreadPool,
+    *,
+    is_linear: bool = False,
 ) -> tuple[Float32, Int32]:
     """Return a finer grid of `shape` (columns, rows), float32 [rows, columns, 4], and which of its pixels to draw.
 
-    grid: [h, w, 4], every `factor`-th pixel of the finer grid along both axes.
+    grid: [h, w, 4], every `factor`-th pixel of the finer grid along both axes. is_linear: whether colours are linear
+    light, and are compared as they are shown.
     Pixels between four that differ by more than `difference_threshold`, as ScreenSampling says, are to be drawn: they
     are 0 in the finer grid. Its other pixels are interpolated bilinearly. The choice is int32 [rows, columns]: the
     row-major number of a pixel that is to be drawn, -1 for other pixels.
     """
     image, places = np.empty((shape[1], shape[0], 4), np.float32), np.empty((shape[1], shape[0]), np.int32)
     refine = kernels().refine_rows.partial(
-        grid=grid, factor=factor, image=image, threshold=difference_threshold, places=places
+        grid=grid, factor=factor, image=image, threshold=difference_threshold, is_linear=is_linear, places=places
     )
     threads.for_rows(lambda first, end: refine(first_row=first, end_row=end), image)
     return image, places

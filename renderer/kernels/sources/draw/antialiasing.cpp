@@ -1,10 +1,9 @@
 // Find the pixels that need several rays, by their differences from neighbours, and average the rays of pixels.
-#include "base/lanes.h"
 #include "draw/kernels.h"
+#include "draw/shown.h"
 
 namespace {
 
-using Pixel = Vector<float, 4>;
 // The marks of pixels, as in renderer/draw/bricks/antialiasing.py. A pixel without a mark has one ray.
 constexpr uint8_t NOT_MARKED = 0;
 // The mark of a pixel that is to get 4 rays.
@@ -38,21 +37,22 @@ INLINE Extent join_extents(Extent one, Extent other) {
 
 // Mark the pixels of some rows that differ by more than a threshold, in a channel, from one of their eight neighbours.
 Status mark_contrasts(const MarkContrasts* arguments) {
-    const auto [image, threshold, first_row, end_row, marks] = *arguments;
+    const auto [image, threshold, is_linear, first_row, end_row, marks] = *arguments;
     int64_t last_row = image.shape[0] - 1, last_column = image.shape[1] - 1;
     if (!match(marks, image) || first_row < 0 || end_row > image.shape[0]) return OUT_OF_BOUNDS;
+    auto shown_at = [&](int64_t row, int64_t column) { return shown(pixel_at(image, row, column), is_linear); };
     for (int64_t row = first_row; row < end_row; row++) {
         auto extent_of_column = [&](int64_t column) {
-            Pixel here = pixel_at(image, row, column);
-            Pixel above = pixel_at(image, most<int64_t>(row - 1, 0), column);
-            Pixel below = pixel_at(image, least(row + 1, last_row), column);
+            Pixel here = shown_at(row, column);
+            Pixel above = shown_at(most<int64_t>(row - 1, 0), column);
+            Pixel below = shown_at(least(row + 1, last_row), column);
             return Extent{min_of(here, min_of(above, below)), max_of(here, max_of(above, below))};
         };
         Extent left = extent_of_column(0), middle = left;
         for (int64_t column = 0; column <= last_column; column++) {
             Extent right = extent_of_column(least(column + 1, last_column));
             Extent around = join_extents(left, join_extents(middle, right));
-            Pixel here = pixel_at(image, row, column);
+            Pixel here = shown_at(row, column);
             if (is_more(max_of(around.high - here, here - around.low), threshold)) marks(row, column) = MARKED_FOR_FEW;
             left = middle, middle = right;
         }
@@ -62,16 +62,17 @@ Status mark_contrasts(const MarkContrasts* arguments) {
 
 // Mark each neighbour of some pixels that has no mark, and differs from the pixel by more than a threshold in a channel.
 Status spread_contrasts(const SpreadContrasts* arguments) {
-    const auto [image, threshold, pixels, marks] = *arguments;
+    const auto [image, threshold, is_linear, pixels, marks] = *arguments;
     int64_t num_rows = image.shape[0], num_columns = image.shape[1];
     if (!match(marks, image)) return OUT_OF_BOUNDS;
+    auto shown_at = [&](int64_t row, int64_t column) { return shown(pixel_at(image, row, column), is_linear); };
     for (int64_t k = 0; k < pixels.shape[0]; k++) {
         if (pixels[k] < 0 || pixels[k] >= num_rows * num_columns) return OUT_OF_BOUNDS;
         int64_t row = pixels[k] / num_columns, column = pixels[k] % num_columns;
-        Pixel here = pixel_at(image, row, column);
+        Pixel here = shown_at(row, column);
         for (int64_t y = most<int64_t>(row - 1, 0); y <= least(row + 1, num_rows - 1); y++)
             for (int64_t x = most<int64_t>(column - 1, 0); x <= least(column + 1, num_columns - 1); x++)
-                if (marks(y, x) == NOT_MARKED && is_more(magnitude(pixel_at(image, y, x) - here), threshold))
+                if (marks(y, x) == NOT_MARKED && is_more(magnitude(shown_at(y, x) - here), threshold))
                     marks(y, x) = MARKED_FOR_FEW;
     }
     return DONE;
@@ -81,19 +82,20 @@ Status spread_contrasts(const SpreadContrasts* arguments) {
 // neighbours, between their few rays. A pixel lies on a line if a channel is larger than in both pixels on opposite sides,
 // or smaller than in both, by more than a threshold.
 Status follow_lines(const FollowLines* arguments) {
-    const auto [image, threshold, pixels, marks] = *arguments;
+    const auto [image, threshold, is_linear, pixels, marks] = *arguments;
     int64_t num_rows = image.shape[0], num_columns = image.shape[1];
     if (!match(marks, image)) return OUT_OF_BOUNDS;
+    auto shown_at = [&](int64_t row, int64_t column) { return shown(pixel_at(image, row, column), is_linear); };
     constexpr int64_t ACROSS[4][2] = {{0, 1}, {1, 0}, {1, 1}, {1, -1}};
     for (int64_t k = 0; k < pixels.shape[0]; k++) {
         if (pixels[k] < 0 || pixels[k] >= num_rows * num_columns) return OUT_OF_BOUNDS;
         int64_t row = pixels[k] / num_columns, column = pixels[k] % num_columns;
         if (row == 0 || column == 0 || row == num_rows - 1 || column == num_columns - 1) continue;
-        Pixel here = pixel_at(image, row, column);
+        Pixel here = shown_at(row, column);
         bool is_on_line = false;
         for (auto [down, right] : ACROSS) {
-            Pixel one = here - pixel_at(image, row - down, column - right);
-            Pixel other = here - pixel_at(image, row + down, column + right);
+            Pixel one = here - shown_at(row - down, column - right);
+            Pixel other = here - shown_at(row + down, column + right);
             is_on_line |= is_more(max_of(min_of(one, other), -max_of(one, other)), threshold);
         }
         if (!is_on_line) continue;
@@ -108,16 +110,18 @@ Status follow_lines(const FollowLines* arguments) {
 // pixel had before differ by more than a threshold in a channel: a line may lie under the one ray that gave the pixel its
 // colour, and between all rays that follow.
 Status average_rays(const AverageRays* arguments) {
-    const auto [rays, num_rays, pixels, threshold, image, differ] = *arguments;
+    const auto [rays, num_rays, pixels, threshold, is_linear, image, differ] = *arguments;
     if (num_rays < 1 || rays.shape[0] != pixels.shape[0] * num_rays || !match(differ, pixels)) return OUT_OF_BOUNDS;
     for (int64_t k = 0; k < pixels.shape[0]; k++) {
         if (pixels[k] < 0 || pixels[k] >= image.shape[0]) return OUT_OF_BOUNDS;
         Pixel before = min_of(load<Pixel>(&image(pixels[k], 0), 0), Pixel{1, 1, 1, 1});
         Pixel sum = {};
+        before = shown(before, is_linear);
         Extent extent = {before, before};
         for (int64_t ray = 0; ray < num_rays; ray++) {
             Pixel one = ray_at(rays, k * num_rays + ray);
             sum += one;
+            one = shown(one, is_linear);
             extent = join_extents(extent, {one, one});
         }
         store(&image(pixels[k], 0), 0, sum * (1.0f / (float)num_rays));

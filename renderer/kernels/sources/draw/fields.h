@@ -3,6 +3,7 @@
 #include "draw/atlas.h"
 #include "draw/faces.h"
 #include "draw/mask.h"
+#include "draw/radiance.h"
 
 // The kinds of bricks, by the meaning of their texels and by their light.
 enum Kind {
@@ -34,6 +35,11 @@ struct Places {
     Floats width;
     // Whether the sample counts.
     Mask active;
+
+    // Return the position of the sample, in texels.
+    INLINE Three texel() const {
+        return {fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
+    }
 };
 
 // The part of a field's lighting that is the same for all samples of a lane's ray in a brick.
@@ -68,9 +74,7 @@ template <Kind KIND>
 INLINE Classified sample_field(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
                                const Lighting& lighting, const Box& box, bool is_cut) {
     const auto& [cell, shares, number, begin, step, width, are_placed] = places;
-    auto texel = [&] {
-        return Three{fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
-    };
+    auto texel = [&] { return places.texel(); };
     Mask active = is_cut ? are_in_mask(field.mask.value.grid, box, texel(), are_placed) : are_placed;
     Classified found = {{}, in_all<Floats>(1.0f), active};
     if (is_cut && !any_of(active)) return found;
@@ -321,6 +325,7 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
 // Return whether the arrays of bricks fit together.
 inline bool is_complete(const LayerBricks& bricks) {
     if (bricks.fields.shape[0] < 1 || !match(bricks.is_mean, bricks.boxes, bricks.have_faces)) return false;
+    if (bricks.radiance.exists && !is_complete(bricks.radiance.value)) return false;
     for (int64_t number = 0; number < bricks.fields.shape[0]; number++)
         if (!is_complete(bricks.fields[number], bricks.is_mean)) return false;
     return true;

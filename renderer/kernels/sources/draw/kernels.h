@@ -67,6 +67,8 @@ struct RefineRows {
     // Pixels between four pixels of `grid` are interpolated unless these differ, and bend, by more than this. A pixel bends
     // by |a - 2 b + c|, with b the pixel and a and c its neighbours in a row or column.
     float threshold;
+    // Whether colours are linear light, and are compared as they are shown (shown.h).
+    bool is_linear;
     // [h, w]: row-major numbers of the pixels of the finer grid that are to be drawn, and -1 of the others.
     Array<int32_t, 2> places;
 };
@@ -117,6 +119,8 @@ struct MarkContrasts {
     Sized<const float, 3, 4> image;
     // A pixel is marked if a channel differs from one of its eight neighbours by more than this.
     float threshold;
+    // As in RefineRows.
+    bool is_linear;
     // The first row of pixels to mark.
     EACH_CALL int64_t first_row;
     // The row after the last row of pixels to mark.
@@ -130,6 +134,7 @@ KERNEL(mark_contrasts, MarkContrasts)
 struct SpreadContrasts {
     Sized<const float, 3, 4> image;
     float threshold;
+    bool is_linear;
     // [n]: row-major numbers of the pixels whose neighbours may be marked.
     Array<const int64_t, 1> pixels;
     Array<uint8_t, 2> marks;
@@ -141,6 +146,7 @@ struct FollowLines {
     Sized<const float, 3, 4> image;
     // A pixel lies on a line if a channel is larger than in both pixels on opposite sides by more than this, or smaller.
     float threshold;
+    bool is_linear;
     Array<const int64_t, 1> pixels;
     // [h, w]: 3 for a pixel that has its 16 rays; set to 4, a pixel that is to get 16 rays, for marked pixels.
     Array<uint8_t, 2> marks;
@@ -157,6 +163,8 @@ struct AverageRays {
     Array<const int64_t, 1> pixels;
     // The rays of a pixel differ if a channel varies among them by more than this.
     float threshold;
+    // As in RefineRows.
+    bool is_linear;
     // [h * w, 4]: the picture, in which the pixels get the means of their rays.
     Sized<float, 2, 4> image;
     // [n]: whether the rays of a pixel differ.
@@ -275,6 +283,15 @@ struct Field {
     Maybe<FieldMask> mask;
 };
 
+// The mean radiance in matter that scatters light, on a grid over all layers (renderer/lighting/scene_light.py).
+struct RadianceCells {
+    // [z, y, x, 4]: the mean radiance (r, g, b) at the middles of cells, and one number more.
+    Sized<const float, 4, 4> cells;
+    // [3, 4]: the matrix from positions in index space, relative to the centre of the layers' volume, to cells. The
+    // middle of cell i is at i.
+    double cells_from_index[12];
+};
+
 // The bricks of layers on one grid of voxels.
 struct LayerBricks {
     RaySetup rays;
@@ -289,6 +306,8 @@ struct LayerBricks {
     Array<const bool, 1> have_faces;
     // Points up to this distance from a face that clipping cuts, in units of the world, are lit by the face's normal.
     double face_depth;
+    // The light by which colours are multiplied, which are then albedos; None if matter does not scatter light.
+    Maybe<RadianceCells> radiance;
     // One field for each layer.
     Array<const Field, 1> fields;
 };

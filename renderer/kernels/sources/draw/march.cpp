@@ -107,6 +107,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
     float scale = shown.scale(0);
     [[maybe_unused]] bool is_cut = shown.is_cut(0, brick);
     const Faces all = shown.all_faces();
+    const BrickRadiance radiance = radiance_in(*shown.bricks, box);
     for (int64_t first = 0; first < num; first += LANES) {
         Ints order = load<Ints>(tile.order, first);
         auto [x, y, z, step_x] = load_four(tile.spans, order * SPAN_FLOATS);
@@ -142,6 +143,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
                 depth = where(visible, sample.tau, zero) * scale * length;
             }
             if (!any_of(visible)) continue;
+            if (radiance.grid != nullptr) scatter(radiance, places.texel(), sample);
             Floats weight = scene.is_additive ? depth : (1.0f - alpha) * opacity_of_depth(depth);
             alpha += weight;
             if constexpr (KIND == MEANS || KIND == SEVERAL) weight = where(visible, weight / sample.tau, zero);

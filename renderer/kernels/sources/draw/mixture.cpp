@@ -255,6 +255,7 @@ struct Mixture {
         places.begin = {texel(of.sample.x, 0), texel(of.sample.y, 1), texel(of.sample.z, 2)};
         places.step = {of.way.x * scale, of.way.y * scale, of.way.z * scale};
         Floats length = packet.step * packet.length_per_depth, zero = in_all<Floats>(0.0f);
+        const BrickRadiance radiance = radiance_in(*shown[group].bricks, box);
         for (int64_t bin = low / own * own; bin < high; bin += own) {
             Floats from = max_of(in_all<Floats>((float)bin), part.enter);
             Floats to = min_of(in_all<Floats>((float)(bin + own)), part.leave);
@@ -266,6 +267,7 @@ struct Mixture {
             places.cell = {held(cell.x), held(cell.y), held(cell.z)};
             Sample sum = sum_of_layers<NUM>(shown[group], brick, box, places, of.direction);
             if (!any_of(mask_of(sum.tau > 0.0f))) continue;
+            if (radiance.grid != nullptr) scatter(radiance, places.texel(), sum);
             for (int64_t k = most(bin, low); k < least(bin + own, high); k++) {
                 Floats covered = min_of(in_all<Floats>((float)(k + 1)), to) - max_of(in_all<Floats>((float)k), from);
                 Floats weight = max_of(zero, covered) * length;

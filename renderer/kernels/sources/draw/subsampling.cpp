@@ -1,10 +1,8 @@
 // Interpolate images between the pixels of a subsampled grid.
 #include "draw/kernels.h"
-#include "base/lanes.h"
+#include "draw/shown.h"
 
 namespace {
-
-using Pixel = Vector<float, 4>;
 
 INLINE Pixel pixel_at(const Array<const float, 3>& image, int64_t row, int64_t column) {
     return load<Pixel>(&image(row, column, 0), 0);
@@ -18,14 +16,16 @@ INLINE float share_of(int64_t rest, int64_t factor) { return (float)((double)res
 
 INLINE bool is_more(Pixel difference, float threshold) { return any_of(mask_of(difference > threshold)); }
 
-// Return whether the grid bends by more than a threshold at a pixel, along its row or column.
-INLINE bool bends(const Array<const float, 3>& grid, float threshold, int64_t row, int64_t column) {
+// Return whether the grid bends by more than the threshold at a pixel, along its row or column.
+INLINE bool bends(const RefineRows& arguments, int64_t row, int64_t column) {
+    const auto& grid = arguments.grid;
+    auto at = [&](int64_t y, int64_t x) { return shown(pixel_at(grid, y, x), arguments.is_linear); };
     int64_t above = most<int64_t>(row - 1, 0), below = least(row + 1, grid.shape[0] - 1);
     int64_t left = most<int64_t>(column - 1, 0), right = least(column + 1, grid.shape[1] - 1);
-    Pixel twice = 2.0f * pixel_at(grid, row, column);
-    Pixel across = pixel_at(grid, row, left) - twice + pixel_at(grid, row, right);
-    Pixel down = pixel_at(grid, above, column) - twice + pixel_at(grid, below, column);
-    return is_more(max_of(magnitude(across), magnitude(down)), threshold);
+    Pixel twice = 2.0f * at(row, column);
+    Pixel across = at(row, left) - twice + at(row, right);
+    Pixel down = at(above, column) - twice + at(below, column);
+    return is_more(max_of(magnitude(across), magnitude(down)), arguments.threshold);
 }
 
 template <class Arguments>
@@ -63,7 +63,7 @@ Status upsample_rows(const UpsampleRows* arguments) {
 // pixels of the grid that differ by more than a threshold, if the grid also bends by more than it at one of the four. Such
 // a pixel gets its number in `places`, and 0 in the image; other pixels get -1 in `places`.
 Status refine_rows(const RefineRows* arguments) {
-    const auto [grid, image, factor, first_row, end_row, threshold, places] = *arguments;
+    const auto [grid, image, factor, first_row, end_row, threshold, is_linear, places] = *arguments;
     if (!fits(*arguments) || !match(places, image)) return OUT_OF_BOUNDS;
     int64_t num_columns = image.shape[1], last_row = grid.shape[0] - 1, last_column = grid.shape[1] - 1;
     for (int64_t row = first_row; row < end_row; row++) {
@@ -75,9 +75,9 @@ Status refine_rows(const RefineRows* arguments) {
             Pixel upper_right = pixel_at(grid, above, right), lower_right = pixel_at(grid, below, right);
             Pixel largest = max_of(max_of(upper, upper_right), max_of(lower, lower_right));
             Pixel smallest = min_of(min_of(upper, upper_right), min_of(lower, lower_right));
-            bool differ = is_more(largest - smallest, threshold) &&
-                (bends(grid, threshold, above, left) || bends(grid, threshold, above, right) ||
-                 bends(grid, threshold, below, left) || bends(grid, threshold, below, right));
+            bool differ = is_more(shown(largest, is_linear) - shown(smallest, is_linear), threshold) &&
+                (bends(*arguments, above, left) || bends(*arguments, above, right) ||
+                 bends(*arguments, below, left) || bends(*arguments, below, right));
             for (int64_t rest = 0; rest < factor && column < num_columns; rest++, column++) {
                 float share = share_of(rest, factor);
                 bool drawn = differ && (rest > 0 || row % factor > 0);

@@ -8,6 +8,8 @@ struct Quantize {
     Sized<const float, 3, 4> image;
     // [h, 3]: the background colour of each row.
     Sized<const float, 2, 3> background;
+    // [255]: the colours from which on each level above 0 is shown, ascending; None for levels at even distances.
+    Maybe<Array<const float, 1>> thresholds;
     // [h, w, 3]: the image over its background; or [h, w, 4]: the image without a background, with straight alpha.
     Array<uint8_t, 3> result;
 };

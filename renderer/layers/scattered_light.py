@@ -1,0 +1,64 @@
+"""Find the light that all layers of a scene scatter, once for all frames on which neither they nor the light change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+from renderer.layers.layer import Layer
+from renderer.lighting import Matter, SceneLight, solve_scene_light
+from renderer.scene import Scene
+from renderer.view import are_clipped_away, place_object_clips
+
+
+class SolvedLight(NamedTuple):
+    """The light of a scene."""
+
+    # The plain data that the light was found from, besides its exposure; equal data give equal light.
+    made_from: tuple[Any, ...]
+    light: SceneLight | None
+    # Whether the exposure was chosen by these data, and not by those of another frame.
+    is_first: bool
+
+    def has_exposure(self, stops: float) -> bool:
+        """Return whether there is light, of an exposure."""
+        return self.light is not None and self.light.stops == stops
+
+
+# The light of a scene without `light`.
+NO_SOLVED_LIGHT = SolvedLight((), None, is_first=True)
+
+
+def light_of_layers(
+    layers: Sequence[Layer],
+    scene: Scene,
+    *,
+    num_threads: int,
+    last: SolvedLight = NO_SOLVED_LIGHT,
+    stops: float | None = None,
+) -> SolvedLight:
+    """Return the light that the layers of a scene scatter; without `light`, no light.
+
+    last: the light of a scene before, which is returned if it is the same. stops: the exposure of the film's first
+        frame; None for the first frame.
+
+    Raises InputError if the light does not fit into memory, or if a volume's file was changed.
+    """
+    if scene.light is None:
+        return NO_SOLVED_LIGHT
+    made_from = (
+        scene.light,
+        scene.clip,
+        *((layer.digest, layer.spec.weight, layer.spec.clip) for layer in layers),
+        *(layer.volume.world_from_index.tobytes() for layer in layers),
+    )
+    if made_from == last.made_from and (last.is_first if stops is None else last.has_exposure(stops)):
+        return last
+    matter = []
+    for layer in layers:
+        clip = place_object_clips(layer.volume, scene.clip + layer.spec.clip)
+        are_removed = None if clip is None else partial(are_clipped_away, clip)
+        matter.append(Matter(layer.volume, layer.optics, layer.spec.weight, are_removed))
+    light = solve_scene_light(matter, scene.light, stops=stops, num_threads=num_threads)
+    return SolvedLight(made_from, light, is_first=stops is None)

@@ -1,0 +1,131 @@
+"""The scene's `light`: an environment and a key light around matter that scatters their light."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from renderer.scene import schema
+from renderer.scene.camera_section import direction_field
+from renderer.scene.colors import COLOR_FIELD
+from renderer.scene.error_section import ErrorSpec, MetricTarget
+from renderer.scene.message_text import join_words
+from renderer.scene.mode_section import ModeSpec
+from renderer.scene.schema import INVALID, Color, TreeNode, Vector
+from renderer.scene.splat_section import SplatSpec
+
+# The largest strength of a key light.
+MAX_KEY_STRENGTH = 1e6
+# The smallest angular radius of a key light, in degrees. Edges of shadows are no sharper than the cells of the grid.
+MIN_KEY_RADIUS = 0.1
+# The largest exposure, in stops, in either direction.
+MAX_STOPS = 20.0
+
+_COLOR = schema.still(COLOR_FIELD)
+_DIRECTION_WORDS = "[x, y, z], not all 0: from the object to the light"
+_UP = schema.still(direction_field("[x, y, z], not all 0: to the top of the environment"))
+_STRENGTH = schema.still(schema.number_field(minimum=0, maximum=MAX_KEY_STRENGTH))
+_RADIUS = schema.still(schema.number_field(minimum=MIN_KEY_RADIUS, maximum=90))
+
+
+@dataclass(frozen=True)
+class EnvironmentSpec:
+    """The colours of an environment, which light comes from in all directions.
+
+    top, horizon, bottom: the colours at `up`, across it, and opposite to it; a quadratic in the cosine in between.
+    """
+
+    top: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
+    horizon: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
+    bottom: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
+
+
+# The environments that have a name.
+ENVIRONMENTS = {
+    "studio": EnvironmentSpec((0.94, 0.95, 1.0), (0.72, 0.72, 0.74), (0.45, 0.43, 0.42)),
+    "outdoor": EnvironmentSpec((0.72, 0.84, 1.0), (0.88, 0.91, 0.95), (0.42, 0.37, 0.31)),
+    "overcast": EnvironmentSpec((1.0, 1.0, 1.0), (0.76, 0.76, 0.76), (0.40, 0.40, 0.40)),
+}
+_NAME = schema.choice_field(*ENVIRONMENTS)
+_COLORS = schema.dataclass_field(EnvironmentSpec)
+
+
+def _parse_environment(node: TreeNode) -> Any:
+    """Return the environment that a scene gives by its name or by a mapping, or INVALID."""
+    if isinstance(node.value, Mapping):
+        return _COLORS.parse(node)
+    name = _NAME.parse(node)
+    return INVALID if name is INVALID else ENVIRONMENTS[name]
+
+
+_ENVIRONMENT = schema.FieldType(
+    f"{join_words(ENVIRONMENTS)}, or a mapping with top, horizon and bottom", _parse_environment, table=_COLORS.table
+)
+
+
+@dataclass(frozen=True)
+class KeySpec:
+    """A key light: a disc of even radiance, far away.
+
+    direction: points from the object to the light, in world axes. radius: the angular radius, in degrees.
+    strength: 1 lights a surface that faces the light as much as an even white sky does.
+    """
+
+    direction: Annotated[Vector, direction_field(_DIRECTION_WORDS)] = (1.0, -1.0, 1.0)
+    color: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
+    strength: Annotated[float, _STRENGTH] = 1.0
+    radius: Annotated[float, _RADIUS] = 14.0
+
+
+_STOPS = schema.still(schema.number_field(minimum=-MAX_STOPS, maximum=MAX_STOPS))
+_EXPOSURE = schema.word_or({"auto": None}, _STOPS, f"auto, or {_STOPS.expected}")
+
+
+@dataclass(frozen=True)
+class LightSpec:
+    """The keys of `light`. Colours of the transfer function are then reflectances of opaque matter in even white light.
+
+    up: the direction to the top of the environment, in world axes. key: None for no key light.
+    exposure: the power of 2 by which all light is multiplied. None chooses it on the first frame, so that nine tenths
+        of the visible matter are at most as bright as in even white light.
+    """
+
+    environment: Annotated[EnvironmentSpec, _ENVIRONMENT] = ENVIRONMENTS["studio"]
+    up: Annotated[Vector, _UP] = (0.0, 0.0, 1.0)
+    key: KeySpec | None = None
+    exposure: Annotated[float | None, _EXPOSURE] = None
+
+    def written(self) -> dict[str, object]:
+        """Return the keys of the section with their values."""
+        return vars(self) | {"exposure": "auto" if self.exposure is None else self.exposure}
+
+
+def check_light(node: TreeNode, given: Mapping[str, Any], layers: Sequence[tuple[TreeNode, Any]]) -> None:
+    """Refuse sections of a scene that contradict its `light`.
+
+    node: the node of the whole scene. given: the sections of the scene. layers: the nodes of layers, and the layers.
+    """
+    if not isinstance(given.get("light"), LightSpec):
+        return
+    key, places = node.key("light"), [node, *(place for place, _ in layers if place.path != node.path)]
+    lit = [given.get("shading"), *(layer.shading for place, layer in layers if place.path != node.path)]
+    for place, shading in zip(places, lit, strict=True):
+        if shading is not None:
+            hint = "light takes the place of shading: leave one out, as --set shading=null does"
+            place.key("shading").reject("contradicts light", expected="", hint=hint)
+    mode, splat, error = given.get("mode"), given.get("splat"), given.get("error")
+    if isinstance(mode, ModeSpec) and mode.is_projection:
+        hint = "a projection shows numbers of rays, which no light reaches"
+        key.reject(f"contradicts mode: {mode.type}", expected="mode: emission_absorption", hint=hint)
+    if given.get("blend") == "add":
+        hint = "light that only adds up is not absorbed, so that nothing scatters it"
+        key.reject("contradicts blend: add", expected="blend: mix", hint=hint)
+    if isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
+        hint = "splats have one colour for all views: write splat: {footprint: integrated}, or leave splat out"
+        key.reject("needs footprint: integrated", got=f"footprint: {splat.footprint}", expected="", hint=hint)
+    if isinstance(error, ErrorSpec) and isinstance(error.goal, MetricTarget):
+        hint = "no exact rays of scattered light measure a film: give tolerance, splats or seconds"
+        key.reject(f"contradicts error.{error.goal.metric}", expected="", hint=hint)
+    if any(getattr(layer.volume, "has_colors", False) for _, layer in layers):
+        key.reject("voxels that are colors have no albedos", expected="voxels with a transfer function")
