@@ -11,6 +11,7 @@ albedo (1 - a) c + a w, with c its colour in linear light and w the albedo of th
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,10 @@ import numpy.typing as npt
 from renderer.transfer.transfer_function import TransferFunction
 from renderer.volume import Float64
 
+# The opacities of a voxel at which control points are added, so that albedos follow the opacity between two points: a
+# ramp to opacity 1 is opaque near its lower end, where rays end. With them, a cube of an orange as bright as its colour
+# in even light is within 0.03 of it, and without them it is 0.18 darker in green (sRGB from 0 to 1).
+_ADDED_OPACITIES = (0.25, 0.5, 0.75, 0.9, 0.97)
 # The coefficients of van de Hulst's fit.
 _OF_NUMERATOR = 0.139
 _OF_DENOMINATOR = 1.17
@@ -26,12 +31,28 @@ _OF_DENOMINATOR = 1.17
 def albedos_of(transfer: TransferFunction, finest_spacing: float) -> TransferFunction:
     """Return a transfer function whose colours are the linear albedos of matter that has the given colours.
 
-    Albedos are linear in the scalar between control points. finest_spacing: the length whose opacity tells thick matter
-    from clear matter, the finest spacing of the volume.
+    finest_spacing: the length whose opacity tells thick matter from clear matter, the finest spacing of the volume.
     """
+    transfer = _with_added_points(transfer, finest_spacing)
     colors = linear_of_srgb(transfer.colors)
     opacities = -np.expm1(-transfer.extinctions * finest_spacing)[:, None]
     return replace(transfer, colors=colors + opacities * (albedo_of_thick(colors) - colors))
+
+
+def _with_added_points(transfer: TransferFunction, finest_spacing: float) -> TransferFunction:
+    """Return the same transfer function with more control points, where the opacity of a voxel changes between two."""
+    wanted = -np.log1p(-np.array(_ADDED_OPACITIES)) / finest_spacing
+    rows = np.column_stack([transfer.values, transfer.colors, transfer.extinctions])
+    found = [rows[:1]]
+    for start, end in pairwise(rows):
+        low, high = sorted((start[4], end[4]))
+        inside = wanted[(wanted > low) & (wanted < high)] if start[0] < end[0] else wanted[:0]
+        shares = np.sort((inside - start[4]) / (end[4] - start[4]))[:, None]
+        between = (1 - shares) * start + shares * end
+        is_new = (between[:, 0] > start[0]) & (between[:, 0] < end[0])  # there may be no number between two points
+        found += [between[is_new], end[None]]
+    values, colors, extinctions = np.split(np.concatenate(found), [1, 4], axis=1)
+    return replace(transfer, values=values[:, 0].copy(), colors=colors, extinctions=extinctions[:, 0].copy())
 
 
 def albedo_of_thick(colors: npt.ArrayLike) -> Float64:

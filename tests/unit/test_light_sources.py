@@ -57,5 +57,21 @@ def test_clear_matter_shows_its_albedo() -> None:
     linear = linear_of_srgb(colors[0])
     thick = albedo_of_thick(linear)
     assert linear[1] == pytest.approx(0.21404114)
-    np.testing.assert_allclose(found.colors, [linear, linear + (1 - np.exp(-1)) * (thick - linear), thick], atol=1e-15)
+    shown, _ = found.classify(np.arange(3.0))
+    np.testing.assert_allclose(shown, [linear, linear + (1 - np.exp(-1)) * (thick - linear), thick], atol=1e-15)
     assert thick[1] > 0.6
+
+
+def test_albedos_follow_the_opacity_between_control_points() -> None:
+    """On a ramp to an opaque voxel, all but its lowest end is opaque; extinctions and other points stay as they are."""
+    orange = np.array([[1.0, 0.5, 0.0]] * 4)
+    ramp = TransferFunction(np.array([0.0, 1.0, 2.0, 2.0]), orange, np.array([0.0, 40.0, 0.0, 40.0]), 1.0)
+    found, scalars = albedos_of(ramp, 1.0), np.linspace(-1, 3, 401)
+    colors, extinctions = found.classify(scalars)
+    np.testing.assert_allclose(extinctions, ramp.classify(scalars)[1], atol=1e-12)
+    opacity = 1 - np.exp(-extinctions)
+    linear = linear_of_srgb(orange[0])[1]
+    np.testing.assert_allclose(
+        colors[:, 1], linear + opacity * (albedo_of_thick(linear) - linear), atol=0.06 * albedo_of_thick(linear)
+    )
+    assert np.all(np.diff(found.values) >= 0)

@@ -1,0 +1,227 @@
+"""Pictures of matter that scatters light, against closed forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from stage_pictures import drawn
+
+from renderer.errors import SceneError
+from renderer.film import quantize
+from renderer.frame import FilmStage, Stage, prepare_stage
+from renderer.lighting import Matter, choose_stops, compute_radiance_grid, sources_of
+from renderer.scene import KeySpec, LightSpec, parse_scene
+from renderer.transfer import linear_of_srgb
+from renderer.volume import Float32, Float64, Volume, make_volume
+
+WHITE_SKY = {"top": "white", "horizon": "white", "bottom": "white"}
+EVEN = {"environment": WHITE_SKY, "exposure": 0}
+ORANGE = (1.0, 0.5, 0.25)
+# Colours of opaque matter, by the scalar: nothing at 0, opacity 1 from 1 on.
+SOLID = [{"value": 0.0, "opacity": 0.0}, {"value": 1.0, "opacity": 1.0}]
+
+
+def points(color: Any, opacities: list[dict[str, float]] = SOLID) -> dict[str, Any]:
+    return {"points": [{**each, "color": color} for each in opacities]}
+
+
+def scene_of(*layers: dict[str, Any], light: Any = EVEN, **sections: Any) -> dict[str, Any]:
+    volumes = [{"procedural": {"name": "constant", "shape": [9, 9, 9]}} | layer for layer in layers]
+    scene: dict[str, Any] = {"volumes": volumes, "camera": {"path": {"type": "turntable", "frames": 8}}}
+    scene |= {"output": {"file": "film.mp4", "size": [48, 48]}, "error": {"tolerance": 0.05}}
+    return scene | ({} if light is None else {"light": light}) | sections
+
+
+def film_of(scene: dict[str, Any], *volumes: Volume, num_threads: int = 2) -> FilmStage:
+    film = parse_scene(scene, base=Path())
+    return prepare_stage(film, clock=lambda: 0.0, num_threads=num_threads, volumes=volumes)
+
+
+def stage_of(scene: dict[str, Any], *volumes: Volume, num_threads: int = 2) -> Stage:
+    film = film_of(scene, *volumes, num_threads=num_threads)
+    assert isinstance(film, Stage)
+    return film
+
+
+def volume(values: npt.NDArray[np.float32], affine: Float64 | None = None, name: str = "matter") -> Volume:
+    return make_volume(np.ascontiguousarray(values, np.float32), np.eye(4) if affine is None else affine, name)
+
+
+def blobs(seed: int = 1, side: int = 24) -> npt.NDArray[np.float32]:
+    """Return smooth blobs of scalars from 0 to 1 around the middle of a volume."""
+    random = np.random.default_rng(seed).random((side,) * 3)
+    for axis in range(3):
+        random = sum(np.roll(random, shift, axis) for shift in range(-2, 3)) / 5
+    z, y, x = np.indices(random.shape) - (side - 1) / 2
+    inside = x**2 + y**2 + z**2 < (0.45 * side) ** 2
+    return np.clip((random - 0.45) * 10, 0, 1).astype(np.float32) * inside
+
+
+def cube(side: int = 24, width: int = 14) -> npt.NDArray[np.float32]:
+    values, low = np.zeros((side,) * 3, np.float32), (side - width) // 2
+    values[low:-low, low:-low, low:-low] = 1
+    return values
+
+
+def colors_of(radiance: Float32, least: float = 0.02) -> Float32:
+    """Return the colours of pixels of at least some opacity, without the factor of their opacity."""
+    seen = radiance[radiance[..., 3] > least]
+    return seen[:, :3] / seen[:, 3:]
+
+
+TURNED = np.array([[0.8, -0.6, 0, 3], [0.6, 0.8, 0, -9], [0, 0, 1.1, 1], [0, 0, 0, 1.0]])
+CLEAR = [{"value": 0.0, "opacity": 0.0}, {"value": 1.0, "opacity": 0.3}]
+
+
+@pytest.mark.parametrize("kind", ["one", "grids", "means", "opaque"])
+def test_white_matter_under_a_white_sky_is_white(kind: str) -> None:
+    """A furnace: matter that absorbs nothing is as bright as the sky, wherever it is and however it is drawn."""
+    layer = {"transfer_function": points("white", SOLID if kind == "opaque" else CLEAR)}
+    volumes = [volume(blobs())] + ([volume(blobs(2), TURNED)] if kind == "grids" else [])
+    scene = scene_of(
+        *[layer for _ in volumes], error={"tolerance": 0.05} | ({"finest_level": 1} if kind == "means" else {})
+    )
+    radiance = drawn(stage_of(scene, *volumes))
+    colors = colors_of(radiance)
+    assert len(colors) > 300
+    np.testing.assert_allclose(colors, 1, atol=0.004)
+    assert quantize(radiance, (1.0, 1.0, 1.0), is_linear=True).min() >= 254
+
+
+def test_matter_that_absorbs_all_light_shows_none() -> None:
+    """Its opacity is that of the same matter without a light, and a background behind it dims in linear light."""
+    layer = {"transfer_function": points("black", CLEAR)}
+    dark, unlit = (drawn(stage_of(scene_of(layer, light=light), volume(blobs()))) for light in (EVEN, None))
+    assert not dark[..., :3].any()
+    np.testing.assert_allclose(dark[..., 3], unlit[..., 3], atol=2e-6)
+    over = quantize(dark, (1.0, 1.0, 1.0), is_linear=True)[..., 0]
+    np.testing.assert_allclose(linear_of_srgb(over / 255), 1 - dark[..., 3], atol=0.005)
+
+
+def test_opaque_orange_stays_orange_in_even_light() -> None:
+    radiance = drawn(stage_of(scene_of({"transfer_function": points(list(ORANGE))}), volume(cube())), number=0)
+    shown = np.median(radiance[16:32, 16:32, :3], axis=(0, 1))
+    levels = quantize(np.array([[[*shown, 1.0]]], np.float32), (0.0, 0.0, 0.0), 16, is_linear=True)[0, 0] / 65535
+    np.testing.assert_allclose(levels, ORANGE, atol=0.03)
+
+
+def test_a_layer_shadows_another_and_colours_it() -> None:
+    """A red plate above a white block, lit from above: the block is darker, and redder near the plate."""
+    key = {"direction": [0, 0, 1], "strength": 1}
+    light = {"environment": {"top": "#202020", "horizon": "#202020", "bottom": "#202020"}, "key": key, "exposure": 0}
+    block, plate = np.zeros((2, 24, 24, 24), np.float32)
+    block[4:9, 4:20, 4:20], plate[16:18, 8:16, 8:16] = 1, 1
+    camera = {"path": {"type": "turntable", "frames": 8, "elevation": 30}}
+    look, red = {"transfer_function": points("white")}, {"transfer_function": points("red"), "weight": 0.0}
+
+    def picture(weight: float) -> Float32:
+        scene = scene_of(look, red | {"weight": weight}, light=light, camera=camera)
+        return drawn(stage_of(scene, volume(block), volume(plate)), number=0)
+
+    alone, shadowed = picture(0.0), picture(1.0)
+    front = (slice(34, 44), slice(20, 28))
+    assert alone[front][..., :3].mean() > 0.05
+    below = shadowed[28:34, 16:32, :3].mean(axis=(0, 1)) / alone[28:34, 16:32, :3].mean(axis=(0, 1))
+    assert below.max() < 0.8
+
+
+def test_pictures_are_the_same_for_any_number_of_threads() -> None:
+    scene = scene_of({"transfer_function": points(list(ORANGE), CLEAR)}, light={"key": {}})
+    pictures = [drawn(stage_of(scene, volume(blobs()), num_threads=num), num_threads=num) for num in (1, 3)]
+    np.testing.assert_array_equal(*pictures)
+
+
+def test_light_is_found_once_while_only_the_camera_moves() -> None:
+    camera = {"path": {"type": "turntable", "frames": 8}, "field_of_view": {0: 20, 7: 40}}
+    film = film_of(scene_of({"transfer_function": points("white")}, camera=camera), volume(cube()))
+    lights = [film.at(frame).groups[0].light for frame in (0, 3, 7)]
+    assert film.scene.moves and lights[0] is not None
+    assert lights[0] is lights[1] is lights[2] is film.groups[0].light
+
+
+def test_light_that_moves_is_found_again_with_the_exposure_of_the_first_frame() -> None:
+    light = {"environment": "overcast", "key": {"direction": {0: [0, 0, 1], 7: [0, 0, -1]}, "strength": 5}}
+    film = film_of(scene_of({"transfer_function": points("white")}, light=light), volume(cube()))
+    first, last = (film.at(frame).groups[0].light for frame in (0, 7))
+    assert first is not None and last is not None
+    assert first is film.groups[0].light
+    assert first.stops == last.stops
+    assert np.abs(first.radiance - last.radiance).max() > 0.1
+
+
+def test_labels_scatter_light() -> None:
+    """Two labels in a furnace: one is white, and the other one shows a part of the light."""
+    labels = np.zeros((16, 16, 16), np.uint8)
+    labels[4:12, 4:12, 4:8], labels[4:12, 4:12, 8:12] = 1, 2
+    look = {"labels": {"colors": {1: "white", 2: "#808080"}, "opacity": 1, "show": [1, 2]}}
+    radiance = drawn(stage_of(scene_of(look), make_volume(labels, np.eye(4), "labels")), number=0)
+    colors = colors_of(radiance, 0.99)
+    assert colors.max() < 1.01
+    assert colors.min() < 0.5
+    assert colors.max() > 0.9
+
+
+def test_open_exposure_leaves_an_even_light_as_it_is() -> None:
+    """Convex matter in an even white light has about the exposure 0, and half of the light asks for one stop more."""
+    grid = stage_of(scene_of({"transfer_function": points("gray")}, light={"environment": WHITE_SKY}), volume(cube()))
+    assert grid.groups[0].light is not None and abs(grid.groups[0].light.stops) < 0.3
+    half = (0.735357,) * 3  # linear 0.5
+    scene = scene_of(
+        {"transfer_function": points("gray")}, light={"environment": {"top": half, "horizon": half, "bottom": half}}
+    )
+    dim = stage_of(scene, volume(cube())).groups[0].light
+    assert dim is not None
+    assert dim.stops - grid.groups[0].light.stops == pytest.approx(1, abs=1 / 32)
+
+
+def test_nothing_visible_has_the_exposure_0() -> None:
+    stage = stage_of(scene_of({"transfer_function": points("gray")}), volume(cube()))
+    (layer,) = stage.layers
+    empty = Matter(volume(np.zeros((5, 5, 5), np.float32)), layer.optics)
+    assert choose_stops(compute_radiance_grid([empty], sources_of(LightSpec()))) == 0
+
+
+def test_sources_are_linear_light() -> None:
+    sources = sources_of(LightSpec(up=(0.0, 2.0, 0.0), key=KeySpec((0.0, 0.0, 1e20), (1.0, 0.5, 0.0), 2.0, 5.0)))
+    assert sources.up == (0, 1, 0) and sources.key == (0, 0, 1) and sources.key_radius == 5
+    np.testing.assert_allclose(sources.key_irradiance, [2 * np.pi, 2 * np.pi * 0.2140411, 0], rtol=1e-6)
+    a0, a1, a2 = sources.environment  # at the cosines 1, 0 and -1
+    studio = LightSpec().environment
+    for found, color in ((a0 + a1 + a2, studio.top), (a0 - a2 / 2, studio.horizon), (a0 - a1 + a2, studio.bottom)):
+        np.testing.assert_allclose(found, linear_of_srgb(color), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("sections", "problem"),
+    [
+        ({"shading": {}}, "shading: contradicts light"),
+        ({"mode": "maximum"}, "light: contradicts mode: maximum"),
+        ({"blend": "add"}, "light: contradicts blend: add"),
+        ({"splat": {"footprint": "gaussian"}}, "light: needs footprint: integrated"),
+        ({"splat": {"footprint": "gouraud"}}, "light: needs footprint: integrated"),
+        ({"error": {"psnr": 40}}, "light: contradicts error.psnr"),
+        ({"light": {"environment": "moon"}}, "light.environment: unknown value"),
+        ({"light": {"key": {"strength": 1e30}}}, "light.key.strength: out of range"),
+        ({"light": {"key": {"direction": [0, 0, 0]}}}, "light.key.direction: no direction"),
+    ],
+)
+def test_sections_that_contradict_a_light_are_named(sections: dict[str, Any], problem: str) -> None:
+    layer = {"transfer_function": points("white", [{"value": 0.0, "opacity": 0.0}, {"value": 1.0, "opacity": 0.5}])}
+    with pytest.raises(SceneError) as caught:
+        parse_scene(scene_of(layer) | sections, base=Path())
+    assert problem in str(caught.value)
+
+
+def test_a_volume_of_the_list_with_shading_is_named() -> None:
+    layer = {"transfer_function": points("white")}
+    with pytest.raises(SceneError, match=r"volumes\.1\.shading: contradicts light"):
+        parse_scene(scene_of(layer, layer | {"shading": {}}), base=Path())
+
+
+def test_voxels_that_are_colors_are_refused() -> None:
+    with pytest.raises(SceneError, match="voxels that are colors have no albedos"):
+        parse_scene(scene_of({"component": "color", "transfer_function": points("white")}), base=Path())
