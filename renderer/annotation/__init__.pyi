@@ -11,3 +11,4 @@ from .text import Font as Font
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .numbers import find_ticks as find_ticks, length_text as length_text, plain_text as plain_text
+from .sketch import Patch as Patch

@@ -115,7 +115,7 @@ def check_light(node: TreeNode, given: Mapping[str, Any], layers: Sequence[tuple
             hint = "light takes the place of shading: leave one out, as --set shading=null does"
             place.key("shading").reject("contradicts light", expected="", hint=hint)
     mode, splat, error = given.get("mode"), given.get("splat"), given.get("error")
-    if isinstance(mode, ModeSpec) and mode.is_projection:
+    if isinstance(mode, ModeSpec) and mode.type is not INVALID and mode.is_projection:
         hint = "a projection shows numbers of rays, which no light reaches"
         key.reject(f"contradicts mode: {mode.type}", expected="mode: emission_absorption", hint=hint)
     if given.get("blend") == "add":

@@ -10,9 +10,13 @@ import numpy.typing as npt
 import pytest
 from stage_pictures import drawn
 
-from renderer.errors import SceneError
+from renderer.accuracy import FrameProber, compute_truth, open_prober
+from renderer.annotation import Patch, draw_annotation
+from renderer.draw import draw_lines, make_outline
+from renderer.errors import InputError, SceneError
 from renderer.film import quantize
-from renderer.frame import FilmStage, Stage, prepare_stage
+from renderer.frame import FilmStage, Stage, prepare_stage, view_of
+from renderer.kernels import kernels
 from renderer.lighting import Matter, choose_stops, compute_radiance_grid, sources_of
 from renderer.scene import KeySpec, LightSpec, parse_scene
 from renderer.transfer import linear_of_srgb
@@ -225,3 +229,47 @@ def test_a_volume_of_the_list_with_shading_is_named() -> None:
 def test_voxels_that_are_colors_are_refused() -> None:
     with pytest.raises(SceneError, match="voxels that are colors have no albedos"):
         parse_scene(scene_of({"component": "color", "transfer_function": points("white")}), base=Path())
+
+
+def test_pixels_are_compared_as_they_are_shown() -> None:
+    """A step from black to a dark grey is seen, and a smaller step between two light greys is not."""
+    dark, light = np.ones((2, 4, 8, 4), np.float32)
+    dark[..., :3], light[..., :3] = 0.0, 0.6
+    dark[:, 4:, :3], light[:, 4:, :3] = 0.01, 0.65
+    for image, is_linear, expected in ((dark, True, 8), (light, True, 0), (dark, False, 0), (light, False, 8)):
+        marks = np.zeros(image.shape[:2], np.uint8)
+        kernels().mark_contrasts(
+            image=image, threshold=0.045, is_linear=is_linear, marks=marks, first_row=0, end_row=len(image)
+        )
+        assert np.count_nonzero(marks) == expected
+
+
+def test_square_roots_are_near_srgb() -> None:
+    """As `shown.h` says."""
+    encoded = np.arange(4096) / 4095
+    assert np.abs(np.sqrt(linear_of_srgb(encoded)) - encoded).max() < 0.04
+
+
+def test_lines_and_texts_keep_their_colours_over_linear_light() -> None:
+    stage = stage_of(scene_of({"transfer_function": points("white")}), volume(cube()))
+    image, color = np.zeros((48, 48, 4), np.float32), np.array([0.25, 0.5, 0.75, 1.0], np.float32)
+    patch = Patch(np.broadcast_to(color, (4, 4, 4)) * np.float32(1), 0, 0)
+    draw_annotation(image, [patch], is_linear=True)
+    shown = quantize(image, (0.0, 0.0, 0.0), is_linear=True)
+    np.testing.assert_array_equal(shown[0, 0], [64, 128, 191])
+    lit, plain = np.zeros((2, 48, 48, 4), np.float32)
+    draw_lines(make_outline(stage.layers[0].volume), view_of(stage, 0), lit, is_linear=True)
+    draw_lines(make_outline(stage.layers[0].volume), view_of(stage, 0), plain)
+    np.testing.assert_array_equal(lit[..., 3], plain[..., 3])
+    brightest = np.unravel_index(plain[..., 3].argmax(), plain.shape[:2])
+    alpha = plain[brightest][3]
+    np.testing.assert_allclose(lit[brightest][:3] / alpha, linear_of_srgb(plain[brightest][:3] / alpha), atol=0.03)
+
+
+def test_no_exact_rays_measure_scattered_light() -> None:
+    """No film states an accuracy by rays that do not scatter."""
+    stage = stage_of(scene_of({"transfer_function": points("white")}), volume(cube()))
+    assert open_prober(stage, 1) is None
+    for measure in (lambda: FrameProber(stage, 9), lambda: compute_truth(stage, 0, 1e-3)):
+        with pytest.raises(InputError, match="accuracy of scattered light"):
+            measure()

@@ -6,6 +6,7 @@ from hypothesis import given, strategies as st
 
 from renderer.errors import RenderError
 from renderer.film import quantize
+from renderer.transfer import linear_of_srgb
 from renderer.volume import Float32
 
 Color = tuple[float, float, float]
@@ -23,6 +24,30 @@ def test_every_level_survives() -> None:
     image = np.stack([levels, levels, levels, np.ones_like(levels)], axis=1)[None]
     for background in (BLACK, None):
         np.testing.assert_array_equal(quantize(image, background)[0, :, 0], np.arange(256))
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+def test_every_level_survives_in_linear_light(depth: int) -> None:
+    largest = 2**depth - 1
+    levels = np.arange(0, largest + 1, 1 if depth == 8 else 255)
+    linear = linear_of_srgb(levels / largest).astype(np.float32)
+    for alpha in (1.0, 0.5):
+        image = np.stack([alpha * linear] * 3 + [np.full_like(linear, alpha)], axis=1)[None]
+        np.testing.assert_array_equal(quantize(image, None, depth, is_linear=True)[0, :, 1], levels)
+        # The same colour behind the picture leaves it as it is.
+        for level in (0, len(levels) // 2, len(levels) - 1):
+            behind = (float(levels[level] / largest),) * 3
+            over = quantize(np.ascontiguousarray(image[:, level : level + 1]), behind, depth, is_linear=True)
+            np.testing.assert_array_equal(over[0, 0], [levels[level]] * 3)
+
+
+def test_linear_light_is_clipped_and_floats_keep_it() -> None:
+    image = pixel(2.0, -1.0, 0.214042, 1.0)
+    np.testing.assert_array_equal(quantize(image, BLACK, is_linear=True)[0, 0], [255, 0, 128])
+    np.testing.assert_array_equal(quantize(image, BLACK, 16, is_linear=True)[0, 0], [65535, 0, 32768])
+    np.testing.assert_array_equal(quantize(image, BLACK, 32, is_linear=True), image[..., :3])
+    half = quantize(pixel(0.0, 0.0, 0.0, 0.5), WHITE, 32, is_linear=True)
+    np.testing.assert_array_equal(half[0, 0], [0.5] * 3)
 
 
 @pytest.mark.parametrize(

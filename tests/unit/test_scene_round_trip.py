@@ -26,6 +26,7 @@ from renderer.scene import (
     ColormapSpec,
     ControlPoint,
     EntrySpec,
+    EnvironmentSpec,
     ErrorSpec,
     FileSource,
     FilmScene,
@@ -35,8 +36,10 @@ from renderer.scene import (
     ImportedLook,
     Keyframe,
     KeyframePath,
+    KeySpec,
     LabelsSpec,
     LayerSpec,
+    LightSpec,
     LogoSpec,
     MaskSpec,
     MetricTarget,
@@ -146,6 +149,13 @@ SECTIONS = {
     "url": PLAIN.with_layers(volume=VolumeSpec(UrlSource("s3://a.bucket/b.zarr", SPACING), level=3)),
     "attenuation": replace(PLAIN, mode=ModeSpec("attenuation", 0.1, -1000.0)).with_layers(
         transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log"), relative=True)),
+    "light": replace(
+        PLAIN,
+        light=LightSpec(
+            EnvironmentSpec((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (0.0, 0.0, 1 / 3)), AXIS,
+            KeySpec(moving(Motion((0, 7), (AXIS, (0.0, 0.0, 1.0)), kind="direction")), (0.5, 1.0, 0.0), 1 / 3, 0.5),
+            -2.25)),
+    "light as it is": replace(PLAIN, light=LightSpec()),
     "depth": replace(PLAIN, mode=ModeSpec("maximum", color_by="depth")),
     "volumes": replace(PLAIN, layers=LAYERS, shared=SharedKeys(), blend="add"),
     "volumes with one shading": replace(
