@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from stage_pictures import drawn
+from stage_pictures import NUMBER, drawn
 
 from renderer.accuracy import FrameProber, compute_truth, open_prober
 from renderer.annotation import Patch, draw_annotation
@@ -273,3 +274,30 @@ def test_no_exact_rays_measure_scattered_light() -> None:
     for measure in (lambda: FrameProber(stage, 9), lambda: compute_truth(stage, 0, 1e-3)):
         with pytest.raises(InputError, match="accuracy of scattered light"):
             measure()
+
+
+@pytest.mark.parametrize("affine", [np.eye(4), TURNED])
+def test_radiance_is_looked_up_at_the_place_of_a_sample(affine: Float64) -> None:
+    """With a radiance that is the position in the world, white matter shows where its surface is."""
+    stage = stage_of(scene_of({"transfer_function": points("white")}), volume(cube(), affine))
+    (group,) = stage.groups
+    light = group.light
+    assert light is not None and group.bricks is not None
+    z, y, x = np.indices(light.radiance.shape[:3]) + 0.5
+    places = light.origin + light.cell * np.stack([x, y, z], axis=-1)
+    radiance = np.zeros_like(light.radiance)
+    radiance[..., :3] = 0.5 + (places - group.volume.centre) / 100
+    bricks = replace(group.bricks, light=light._replace(radiance=radiance))
+    shown = drawn(replace(stage, groups=(replace(group, bricks=bricks),)), number=NUMBER)
+    view = view_of(stage, NUMBER)
+    seen = np.argwhere(shown[..., 3] > 0.999)
+    assert len(seen) > 300
+    found = group.volume.centre + (shown[tuple(seen.T)][:, :3] - 0.5) * 100
+    inside = (found - group.volume.centre) @ np.linalg.inv(affine[:3, :3]).T  # of a cube with this half width
+    # A pixel may have several sides of the cube.
+    assert np.median(np.abs(np.abs(inside).max(axis=1) - 7.5)) < 0.4
+    # And it is on the ray of the pixel.
+    right, up, backward = view.view_from_world(found).T
+    across, down = view.scale_px * right / -backward + 24, 24 - view.scale_px * up / -backward
+    np.testing.assert_allclose(np.median(np.abs(across - seen[:, 1] - 0.5)), 0, atol=0.2)
+    np.testing.assert_allclose(np.median(np.abs(down - seen[:, 0] - 0.5)), 0, atol=0.2)

@@ -300,7 +300,7 @@ def test_bytes_do_not_depend_on_threads(num_threads: int) -> None:
         compute_radiance_grid([layer], sources, cell_voxels=1, with_flux=True, num_threads=num)
         for num in (1, num_threads)
     )
-    for first, second in zip(one, other, strict=True):
+    for first, second in zip([*one[:-1], *one.matter], [*other[:-1], *other.matter], strict=True):
         np.testing.assert_array_equal(first, second)
     assert one.num_rounds > 3
 
