@@ -14,7 +14,9 @@ that the share of light that passes a cell is found once for all rounds.
 Cells at surfaces have optical depths far above 1. What thick matter reflects does not depend on its extinction, and is
 seen at depths up to about 1, but the middle of a thick cell is deeper, and dark. So light on its way to the middle of
 a cell of the depth t meets half of CAP (1 - exp(-t / CAP)) in place of half of t. Light that passes a cell meets t, so
-that a wall of one cell is as opaque as it should be.
+that a wall of one cell is as opaque as it should be. The key light passes between the middles of cells by the mean of
+their transmittances, so that a surface that it grazes is not dark; of a wall of one cell, at 45 degrees, it lets 0.12
+through, and none of a wall of two cells.
 """
 
 from __future__ import annotations

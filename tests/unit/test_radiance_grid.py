@@ -190,19 +190,50 @@ def test_no_light_leaks_through_a_wall_of_one_opaque_cell(axis: int) -> None:
     assert grid.mean_radiance[0].min() > 0.5
 
 
+def half_space(depth: int) -> Matter:
+    """Return opaque labels below the height 15, so many cells deep."""
+    extinctions = np.zeros((30, 30, 30), np.float32)
+    extinctions[15 - depth : 15] = 40.0
+    matter = matter_of(extinctions, 0.0)
+    return matter._replace(volume=replace(matter.volume, is_labels=True))
+
+
+def inclined(degrees: float) -> LightSources:
+    """Return a key light so far from the height's axis."""
+    key = np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))
+    return lights(DARK, key=key, radius=2.0, irradiance=1.0)
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 50, 70])
+def test_light_that_grazes_a_surface_reaches_it(degrees: float) -> None:
+    """The middle of a surface cell gets the light that the way to it leaves, though rays pass beside opaque cells."""
+    grid = compute_radiance_grid([half_space(9)], inclined(degrees), cell_voxels=1)
+    # Half of the cell, at its capped depth.
+    assert grid.key[15, 15, 16] > 0.7 * np.exp(-0.75 / np.cos(np.radians(degrees)))
+    assert grid.key[16, 15, 16] > 0.9
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 45, 60])
+def test_walls_stop_inclined_light(degrees: float) -> None:
+    """A wall of two cells stops all of it, and a wall of one cell nearly all."""
+    for depth, most in ((1, 0.15), (2, 1e-6)):
+        grid = compute_radiance_grid([half_space(depth)], inclined(degrees), cell_voxels=1)
+        assert grid.key[12 - depth : 16 - depth, 15, 14:18].max() < most
+
+
 @pytest.mark.parametrize("radius", [0.01, 5.0, 14.0])
 def test_edge_of_a_shadow_is_as_wide_as_the_key_light(radius: float) -> None:
-    """The share of a disc above an edge is a closed form. Half a cell beside an opaque cell is in shadow, too."""
-    extinctions = np.zeros((50, 9, 50), np.float32)
+    """The share of a disc above an edge is a closed form."""
+    extinctions = np.zeros((50, 19, 50), np.float32)
     extinctions[44, :, 25:] = 40.0
     screen = matter_of(extinctions, 0.0)
     screen = screen._replace(volume=replace(screen.volume, is_labels=True))  # nothing is interpolated at its edge
     grid = compute_radiance_grid([screen], lights(DARK, radius=radius, irradiance=1.0), cell_voxels=1)
     below = 20
-    places = np.arange(50) + 0.5 - 24.5
+    places = np.arange(50) + 0.5 - 25
     across = np.clip(-places / (below * np.tan(np.radians(radius))), -1, 1)
     expected = 0.5 + (np.arcsin(across) + across * np.sqrt(1 - across * across)) / np.pi
-    found = grid.key[1 + 44 - below, 5, 1:-1]
+    found = grid.key[1 + 44 - below, 10, 1:-1]
     is_near = (np.abs(places) < 15) & (places != 0)  # the screen ends at the border
     assert np.abs(found - expected)[is_near].max() < 0.1
     assert found[0] == 1

@@ -120,7 +120,8 @@ Status sweep_light(const SweepLight* arguments) {
 }
 
 // Add the share of light that reaches the middles of cells. A ray has a place in the first plane, and moves from plane
-// to plane by whole numbers of cells and one share for all rays, so that only optical depths are interpolated on its way.
+// to plane by whole numbers of cells and one share for all rays, so that only the shares that pass cells are interpolated
+// on its way. Interpolated optical depths would make surfaces dark that light grazes: it passes beside their cells.
 Status shine_key(const ShineKey* arguments) {
     const auto& [shares, are_planes_first, is_upwards, offset, path, weight, out] = *arguments;
     const int64_t* s = shares.shape;
@@ -133,11 +134,12 @@ Status shine_key(const ShineKey* arguments) {
     int64_t margin = planes.num_planes + 2, margin_cells = margin + 2 * ROW_CELLS;
     int64_t num_rows = planes.num_rows + 2 * margin, pitch = planes.row_cells + 2 * margin_cells + ROW_CELLS;
     Buffer<float> rays(num_rows * pitch);
-    // One plane of depths with a border of empty cells.
-    int64_t depth_pitch = planes.row_cells + 3 * ROW_CELLS;
-    Buffer<float> plane((planes.num_rows + 4) * depth_pitch);
+    // The shares that pass the cells of one plane, with a border of empty cells.
+    int64_t plane_pitch = planes.row_cells + 3 * ROW_CELLS;
+    Buffer<float> plane((planes.num_rows + 4) * plane_pitch);
     if (!rays || !plane) return NO_MEMORY;
     for (int64_t i = 0; i < rays.shape[0]; i++) rays[i] = 1.0f;
+    for (int64_t i = 0; i < plane.shape[0]; i++) plane[i] = 1.0f;
     auto floor_of = [](float x) { return (int64_t)x - (x < (float)(int64_t)x); };
     for (int64_t step = 0; step < planes.num_planes; step++) {
         if (is_stopped()) return STOPPED;
@@ -152,7 +154,8 @@ Status shine_key(const ShineKey* arguments) {
                 Floats to_middle = decay(0.5f * path * load<Floats>(depths, place + cell));
                 Floats sum = load<Floats>(out.data, place + cell) + weight * mix(low, pitch, at) * to_middle;
                 store(out.data, place + cell, sum);
-                store(plane.data, (row + 2) * depth_pitch + ROW_CELLS + cell, load<Floats>(depths, planes.size() + place + cell));
+                Floats through = decay(path * load<Floats>(depths, planes.size() + place + cell));
+                store(plane.data, (row + 2) * plane_pitch + ROW_CELLS + cell, through);
             }
         }
         // Ray k is at k - shift, between the cells k - shift rounded down and the next ones.
@@ -162,8 +165,8 @@ Status shine_key(const ShineKey* arguments) {
             for (int64_t cell = -LANES; cell < planes.row_cells + LANES; cell += LANES) {
                 // The ray whose place is just above (row, cell), or at it.
                 int64_t ray = (row + row_back + rows + margin) * pitch + cell + cell_back + cells + margin_cells;
-                const float* low = plane.data + (row + 2) * depth_pitch + ROW_CELLS + cell;
-                store(rays.data, ray, load<Floats>(rays.data, ray) * decay(path * mix(low, depth_pitch, back)));
+                const float* low = plane.data + (row + 2) * plane_pitch + ROW_CELLS + cell;
+                store(rays.data, ray, load<Floats>(rays.data, ray) * mix(low, plane_pitch, back));
             }
     }
     return DONE;
