@@ -27,7 +27,7 @@ from renderer.scene import (
 
 # The sections of settings that are read from a recorded scene and from each of its volumes. They name no files that
 # must still exist.
-_SECTIONS = {key: SECTIONS[key] for key in ("splat", "mode", "shading", "output")}
+_SECTIONS = {key: SECTIONS[key] for key in ("splat", "mode", "shading", "light", "output")}
 _LIGHT = {
     "specular": "highlights", "silhouette": "silhouettes", "occlusion": "ambient occlusion", "shadow": "soft shadows",
     "gradient_opacity": "opacities that depend on the gradient",
@@ -62,7 +62,7 @@ def methods_text(record: FilmRecord, sidecar: Path) -> str:
         f"The {'volumes were' if record.volumes else 'volume was'} "
         f"{'; '.join(map(_volume_text, record.volumes or (record.volume,)))}.",
         _drawing_sentence(record, read[0]),
-        _light_sentence([each["shading"] for each in read if "shading" in each]),
+        _light_sentence([each["shading"] for each in read if "shading" in each], read[0].get("light")),
         *([] if record.accuracy is None else _accuracy_sentences(record.accuracy, record, output)),
     ]
     return " ".join(sentences)
@@ -103,8 +103,15 @@ def _drawing_sentence(record: FilmRecord, given: Mapping[str, Any]) -> str:
     )
 
 
-def _light_sentence(shadings: list[Any]) -> str:
-    """Return a sentence on the shading of a film. shadings: the `shading` sections of the scene and its volumes."""
+def _light_sentence(shadings: list[Any], light: Any) -> str:
+    """Return a sentence on the light of a film.
+
+    shadings: the `shading` sections of the scene and its volumes. light: the `light` of the scene; None without one.
+    """
+    if light is not None:
+        sources = "an environment" if light.key is None else "an environment and a key light"
+        how = "equally in all directions, any number of times"
+        return f"Matter scattered the light of {sources} {how}. The accuracy of this light was not measured."
     words = [word for key, word in _LIGHT.items() if any(getattr(each, key) not in (None, 0) for each in shadings)]
     return f"There was {join_words(['Lambertian shading', *words], 'and') if shadings else 'no shading'}."
 

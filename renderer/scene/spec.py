@@ -182,7 +182,7 @@ class FilmScene(ABC):
             if imported is None:
                 continue
             notes += [f"{imported.name}: not imported: {clause}" for clause in imported.left_out]
-            if imported.shading and layer.shading is None:
+            if imported.shading and layer.shading is None and self._sections.light is None:
                 flow = ", ".join(f"{key}: {format_value(value)}" for key, value in imported.shading.items())
                 notes.append(f"{imported.name}: to be lit as there, add shading: {{{flow}}}")
         return notes

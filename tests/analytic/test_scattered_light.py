@@ -21,6 +21,7 @@ from renderer.kernels import kernels
 from renderer.lighting import Matter, choose_stops, compute_radiance_grid, sources_of
 from renderer.scene import KeySpec, LightSpec, parse_scene
 from renderer.transfer import linear_of_srgb
+from renderer.truth import PathTracer, TrueLayer, light_of_pixels
 from renderer.volume import Float32, Float64, Volume, make_volume
 
 WHITE_SKY = {"top": "white", "horizon": "white", "bottom": "white"}
@@ -301,3 +302,23 @@ def test_radiance_is_looked_up_at_the_place_of_a_sample(affine: Float64) -> None
     across, down = view.scale_px * right / -backward + 24, 24 - view.scale_px * up / -backward
     np.testing.assert_allclose(np.median(np.abs(across - seen[:, 1] - 0.5)), 0, atol=0.2)
     np.testing.assert_allclose(np.median(np.abs(down - seen[:, 0] - 0.5)), 0, atol=0.2)
+
+
+def test_pictures_agree_with_paths_of_light() -> None:
+    """Two volumes on grids of their own, against Monte Carlo; errors are measured without the noise of the paths."""
+    light = {"environment": "outdoor", "key": {"direction": [1, -1, 1], "strength": 2}, "exposure": -1}
+    looks = [
+        {"transfer_function": points(color, opacities)} for color, opacities in (("#c08040", SOLID), ("white", CLEAR))
+    ]
+    scene = scene_of(*looks, light=light, output={"file": "film.mp4", "size": [32, 32]})
+    stage = stage_of(scene, volume(blobs(1, 32)), volume(blobs(2, 32), TURNED))
+    radiance = drawn(stage).reshape(-1, 4)[:, :3]
+    assert stage.scene.light is not None
+    layers = [TrueLayer(each.volume, each.optics, weight=each.spec.weight) for each in stage.layers]
+    tracer, pixels = PathTracer(layers, sources_of(stage.scene.light)), np.arange(32 * 32)
+    view = view_of(stage, NUMBER)
+    truth = light_of_pixels(tracer, view, pixels, seed=(1,), standard_error=0.0, most_paths=288).halves[..., :3] / 2
+    error = ((radiance - truth[0]) * (radiance - truth[1])).mean() / (truth[0] * truth[1]).mean()
+    assert radiance.mean() == pytest.approx(truth.mean(), rel=0.05)
+    # The blobs are as small as cells.
+    assert error < 0.2**2

@@ -78,6 +78,7 @@ def drawn(
         is_mean=np.zeros(num_bricks, np.bool_),
         have_faces=np.zeros(num_bricks, np.bool_),
         face_depth=0.0,
+        radiance=None,
         fields=[field],
     )
     tiles = np.arange(len(grid.starts) - 1)
