@@ -90,7 +90,8 @@ def prepare_stage(
     layers = maker.layers_of(first, min_tolerance(scene.error), watch.lap)
     target, distance, left_out = _framing(scene, maker, layers)
     raise_problems(_clip_problems(scene, volumes))
-    stage = maker.stage_of(first, layers, target, distance)
+    watch.lap("framing")
+    stage = maker.stage_of(first, layers, target, distance, lap=watch.lap)
     watch.lap("framing")
     if scene is first:
         return replace(stage, seconds=watch.seconds, not_framed=left_out)

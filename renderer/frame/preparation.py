@@ -89,7 +89,7 @@ class StageMaker:
         if not isinstance(target, tuple):
             target = visible_centre(points_in_frame(scene, layers)[0]) if scene.camera.follow else film.target
         stops = None if film.groups[0].light is None else film.groups[0].light.stops
-        return self.stage_of(scene, layers, target, scene.camera.distance or film.distance, stops)
+        return self.stage_of(scene, layers, target, scene.camera.distance or film.distance, stops=stops)
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]:
         """Return the volume of each layer of a scene, read once if volumes are equal.
@@ -167,11 +167,18 @@ class StageMaker:
         return FinestCut(tolerance, scene.error.finest_level)
 
     def stage_of(
-        self, scene: Scene, layers: tuple[Layer, ...], target: Vector, distance: float, stops: float | None = None
+        self,
+        scene: Scene,
+        layers: tuple[Layer, ...],
+        target: Vector,
+        distance: float,
+        *,
+        stops: float | None = None,
+        lap: Callable[[str], object] = lambda _: None,
     ) -> Stage:
         """Return the stage of a scene at a frame. Parts that equal parts of the last stage are taken from it.
 
-        stops: the exposure of the film's first frame; None if this is the first frame.
+        stops: the exposure of the film's first frame; None if this is the first frame. lap: as in `layers_of`.
         """
         camera, last = replace(scene.camera, target=target, distance=distance), self.last
         for layer in layers:
@@ -179,6 +186,8 @@ class StageMaker:
         light = light_of_layers(layers, scene, num_threads=self.num_threads, last=self.light, stops=stops)
         has_groups = last is not None and _have_same_groups(last.scene, last.layers, scene, layers)
         has_groups &= light is self.light
+        if light is not self.light:
+            lap("light")
         self.light = light
         groups = last.groups if last is not None and has_groups else group_layers(layers, scene, light.light)
         has_camera, placed = last is not None and last.camera == camera, layers[0].volume.world_from_index

@@ -326,3 +326,21 @@ def test_pictures_agree_with_paths_of_light() -> None:
     assert radiance.mean() == pytest.approx(truth.mean(), rel=0.05)
     # The blobs are as small as cells.
     assert error < 0.2**2
+
+
+def test_light_reaches_a_face_that_clipping_cuts() -> None:
+    """Matter that is clipped away casts no shadow: from above, the cut face is as bright as the top was."""
+    key = {"environment": {"top": "black", "horizon": "black", "bottom": "black"}, "key": {"direction": [0, 0, 1]}}
+    camera = {"path": {"type": "turntable", "frames": 8, "elevation": 90}, "distance": 100}
+    clip = [{"plane": {"point": [0, 0, 11.5], "normal": [0, 0, 1]}}]
+    pictures = []
+    for sections in ({}, {"clip": clip}):
+        scene = scene_of({"transfer_function": points("white")}, light=key | {"exposure": 0}, camera=camera, **sections)
+        pictures.append(drawn(stage_of(scene, volume(cube())))[20:28, 20:28, 0].mean())
+    assert pictures[1] == pytest.approx(pictures[0], rel=0.2)
+
+
+def test_the_time_of_the_light_is_told() -> None:
+    layer = {"transfer_function": points("white")}
+    for light, is_told in ((EVEN, True), (None, False)):
+        assert ("light" in stage_of(scene_of(layer, light=light), volume(cube())).seconds) == is_told
