@@ -11,7 +11,7 @@ brick and integrated along each ray (Max 1995).
 - `brick_cut.py`: the bricks drawn at a tolerance, and their number
 - `sampling.py`: step lengths, samples and jitter
 - `pixel_grid.py`: the pixels that are drawn, the strides of subsampled grids, and the ends of rays
-- `extremes.py`: the smallest and the largest scalar of each brick
+- `extremes.py`: bricks in which rays look for the most extreme scalar
 - `texels.py`: the values that are interpolated in a brick and its halo
 - `brick_means.py`: means of nodes in a brick, gathered or recomputed when they are drawn
 - `layout.py`: the places of cells in a brick, and the voxels that kernels read

@@ -103,6 +103,8 @@ class Bricks:
     volume_range: the volume's smallest and largest scalar.
     pieces: the transfer function as a table by normalized scalars.
     light_grid: the light that reaches each place.
+    ranges: float64 [z, y, x, 2], the smallest and the largest scalar of each brick of level 0, halo included; infinity
+        and minus infinity if there is none. Bricks that nothing was read of may have the range of all numbers.
     are_cut: bool [z, y, x], whether a part of each brick of level 0 may be outside of the mask; None without a mask.
     """
 
@@ -112,6 +114,7 @@ class Bricks:
     scalar_range: tuple[float, float]
     volume_range: tuple[float, float]
     pieces: PiecewiseTransfer
+    ranges: Float64
     light_grid: LightGrid = NO_LIGHT_GRID
     are_cut: Bools | None = None
 
@@ -129,6 +132,7 @@ def make_bricks(
     has_lit_labels: bool = False,
     num_threads: int = 2,
     kept: KeptArrays = NOT_KEPT,
+    ranges: Float64 | None = None,
     **options: Any,
 ) -> Bricks:
     """Build the bricks of all levels, and their pyramid. The result does not depend on `num_threads`.
@@ -137,27 +141,29 @@ def make_bricks(
     their means are recomputed from voxels for drawing.
 
     light_grid, and options (spec, error, shading): as in `build_pyramid`. has_lit_labels: whether samples of labels are
-    lit. kept: the entry in which the same bricks were kept, or are kept now. Raises InputError if the volume's file was
-    changed.
+    lit. kept: the entry in which the same bricks were kept, or are kept now. ranges: Bricks.ranges of the same voxels
+    with any transfer function, if they are known. Raises InputError if the volume's file was changed.
     """
     options |= {"light_grid": light_grid}
     arrays = kept.find()
     if arrays is not None:
         pyramid = restore_pyramid(arrays, volume, transfer, **options)
-        levels, are_cut = _restored_levels(arrays), arrays.get("are_cut")
+        levels, are_cut, ranges = _restored_levels(arrays), arrays.get("are_cut"), arrays["ranges"]
     else:
-        pyramid, levels, are_cut = _build(volume, transfer, options, num_threads, has_lit_labels=has_lit_labels)
-        kept.keep(pyramid_arrays(pyramid) | _level_arrays(levels) | ({} if are_cut is None else {"are_cut": are_cut}))
+        options |= {"ranges": ranges}
+        pyramid, levels, are_cut, ranges = _build(volume, transfer, options, num_threads, has_lit_labels=has_lit_labels)
+        masked = {} if are_cut is None else {"are_cut": are_cut}
+        kept.keep(pyramid_arrays(pyramid) | _level_arrays(levels) | {"ranges": ranges} | masked)
     volume_range = volume.value_range()
     scalar_range = _scalar_range(transfer, *volume_range)
     pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)
-    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, light_grid, are_cut)
+    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, ranges, light_grid, are_cut)
 
 
 def _build(
     volume: Volume, transfer: TransferFunction, options: dict[str, Any], num_threads: int, *, has_lit_labels: bool
-) -> tuple[Pyramid, list[BrickLevel], Bools | None]:
-    """Build the pyramid and the levels of bricks from the voxels; the third value is Bricks.are_cut.
+) -> tuple[Pyramid, list[BrickLevel], Bools | None, Float64]:
+    """Build the pyramid and the levels of bricks from the voxels; the others are Bricks.are_cut and Bricks.ranges.
 
     options: the options of `build_pyramid`.
     """
@@ -168,9 +174,13 @@ def _build(
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):
         statistics.append(_gather_stored_level(pyramid, number, num_threads))
+    shape = (*brick_grid_shape(volume, 0), 2)
+    ranges = np.broadcast_to([-math.inf, math.inf], shape) if options["ranges"] is None else options["ranges"]
+    ranges = ranges.copy()
     bounds, (variation, steps, differences) = _measure_voxels(
-        pyramid, transfer, volume_range, has_lit_labels=has_lit_labels, num_threads=num_threads
+        pyramid, transfer, volume_range, ranges, has_lit_labels=has_lit_labels, num_threads=num_threads
     )
+    ranges.flags.writeable = False
     are_cut = _clear_masked(bounds, volume) if volume.mask is not None else None
     if has_lit_labels:  # the light of labels changes up to three voxels away from their borders
         steps = or_of_neighbours(steps)
@@ -183,7 +193,7 @@ def _build(
         of_parents = statistics[number].step_errors_below()
         step_errors = np.maximum(of_parents, _cell_error_scale(pyramid, number + 1) * differences)
         levels.append(BrickLevel(of_nodes.visible_bounds(), errors, step_errors))
-    return pyramid, levels, are_cut
+    return pyramid, levels, are_cut, ranges
 
 
 def _level_arrays(levels: Sequence[BrickLevel]) -> dict[str, Array]:
@@ -268,6 +278,7 @@ def _measure_voxels(
     pyramid: Pyramid,
     transfer: TransferFunction,
     volume_range: tuple[float, float],
+    ranges: Float64,
     *,
     has_lit_labels: bool,
     num_threads: int,
@@ -276,6 +287,8 @@ def _measure_voxels(
 
     Bounds are float32 [z, y, x, 2, 3]. Measures are float64 [3, z, y, x]: the largest sub-voxel variation of a brick,
     the variation that sets its steps, and the estimate from differences between voxels.
+
+    ranges: Bricks.ranges as far as they are known; the others are found.
     """
     volume, lighting = pyramid.volume, pyramid.classifier.lighting
     shape = brick_grid_shape(volume, 0)
@@ -290,7 +303,7 @@ def _measure_voxels(
     voxels, breakpoints = voxels_of(volume, pyramid.classifier), pyramid.classifier.breakpoints
     measure = kernels().measure_voxel_bricks.partial(
         voxels=voxels, breakpoints=breakpoints, curve=curve, shown=volume.are_shown, are_lit=has_lit_labels,
-        bounds=bounds, measures=measures,
+        bounds=bounds, measures=measures, ranges=ranges,
     )  # fmt: skip
     cells = grid_cells(shape)
 

@@ -11,24 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.bricks.brick_cut import BrickCut, cut_bricks
+from renderer.bricks.brick_cut import cut_bricks
 from renderer.bricks.brick_layers import BrickLayers
-from renderer.bricks.bricks import Bricks
-from renderer.bricks.layout import voxels_of
 from renderer.bricks.pixel_grid import screen_sampling_at
 from renderer.bricks.sampling import BrickBatch, Extremes
-from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ModeSpec
-from renderer.volume import Float64
 
 # Rays pass over a brick that could change a pixel by no more than this share of the tolerance.
 SLACK_SHARE = 1 / 16
 
-# The number of bricks whose scalar ranges one task measures.
-_BRICKS_PER_TASK = 256
 
-
-def extreme_bricks(layers: BrickLayers, mode: ModeSpec, *, num_threads: int) -> BrickBatch:
+def extreme_bricks(layers: BrickLayers, mode: ModeSpec) -> BrickBatch:
     """Return the bricks of level 0 in which the most extreme scalar may lie, for tolerance 0.
 
     layers: a single layer. Its transfer function is a ramp over the colour range, from 0 at the least extreme end, so
@@ -43,7 +36,8 @@ def extreme_bricks(layers: BrickLayers, mode: ModeSpec, *, num_threads: int) -> 
     slope, offset = (high / 2 - low / 2) / width, (low / 2 - first / 2) / width
     if mode.type == "minimum":
         slope, offset = -slope, 1.0 - offset
-    ranges = _scalar_ranges(bricks, cut, num_threads)
+    x, y, z = cut.cells.T
+    ranges = bricks.ranges[z, y, x]
     ends = (ranges / 2 - low / 2) / (high / 2 - low / 2)
     extremes = Extremes(offset, slope, (offset + slope * ends).max(axis=1), 0.0, mode.color_by == "depth")
     sampling = screen_sampling_at(0.0, 1.0)
@@ -64,19 +58,3 @@ def extremes_at(batch: BrickBatch, tolerance: float, voxel_px: float) -> BrickBa
         screen_sampling=screen_sampling_at(tolerance, voxel_px, voxel_px * thinnest),
         extremes=replace(batch.extremes, slack=0.0 if batch.extremes.by_depth else SLACK_SHARE * tolerance),
     )
-
-
-def _scalar_ranges(bricks: Bricks, cut: BrickCut, num_threads: int) -> Float64:
-    """Return the smallest and the largest scalar of each brick of level 0, halo included: float64 [n, 2]."""
-    ranges = np.empty((len(cut), 2))
-    measure = kernels().measure_ranges.partial(voxels=voxels_of(bricks.volume, bricks.pyramid.classifier))
-
-    def work(first: int) -> None:
-        bricks.volume.require_unchanged()
-        part = slice(first, first + _BRICKS_PER_TASK)
-        measure(cells=cut.cells[part], ranges=ranges[part])
-
-    with ThreadPool(num_threads) as pool:
-        pool.map(work, range(0, len(cut), _BRICKS_PER_TASK))
-    bricks.volume.require_unchanged()
-    return ranges

@@ -46,22 +46,8 @@ class MeasureVoxelBricks(Protocol):
         are_lit: bool,
         bounds: NDArray[np.float32],
         measures: NDArray[np.float64],
-    ) -> MeasureVoxelBricksCall: ...
-
-class MeasureRangesCall(Protocol):
-    def __call__(
-        self,
-        *,
-        cells: NDArray[np.int32],
         ranges: NDArray[np.float64],
-    ) -> None: ...
-
-class MeasureRanges(Protocol):
-    def partial(
-        self,
-        *,
-        voxels: Voxels,
-    ) -> MeasureRangesCall: ...
+    ) -> MeasureVoxelBricksCall: ...
 
 class UpsampleRowsCall(Protocol):
     def __call__(
@@ -185,6 +171,8 @@ class AverageVoxels(Protocol):
         raw: NDArray[Any],
         by_pattern: NDArray[np.float32] | None,
         curve: TransferTable | None,
+        ranges: NDArray[np.float64] | None,
+        breakpoints: NDArray[np.float64],
         level: int,
     ) -> AverageVoxelsCall: ...
 
@@ -258,6 +246,7 @@ class BuildBlocks(Protocol):
         raw: NDArray[Any],
         classifier: Classifier,
         error_classifier: Classifier | None,
+        ranges: NDArray[np.float64] | None,
         normalization: NDArray[np.float64] | None,
         leaf_variance_limits: NDArray[np.float64],
         occupied: NDArray[np.bool],
@@ -314,7 +303,6 @@ class Kernels:
         flag: NDArray[np.int32],
     ) -> None: ...
     measure_voxel_bricks: MeasureVoxelBricks
-    measure_ranges: MeasureRanges
     def add_nodes(
         self,
         *,

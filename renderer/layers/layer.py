@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme_bricks, make_bricks
-from renderer.cache import KeptArrays
+from renderer.cache import NOT_KEPT, KeptArrays
 from renderer.kernels import LightGrid
 from renderer.layers.label_numbers import leave_out_masked, number_labels
 from renderer.lighting import compute_light_grid
@@ -140,12 +140,16 @@ def make_layer(
     finest_cut: the bound of the cuts that will be made of the pyramid. lap: a function that is called with the name of
     each finished step. Raises InputError if the volume's file was changed.
     """
-    digest, num_bytes = layer_digest(spec, scene, volume, finest_cut), volume.values.nbytes
+    digest, num_bytes, read = layer_digest(spec, scene, volume, finest_cut), volume.values.nbytes, volume.values
     transfer = _transfer_of(spec, volume)
     if (labels := spec.transfer_function.labels) is not None:
         volume = number_labels(volume, labels.values)
     if volume.mask is not None and (scene.mode.is_projection or scene.needs_opengl):
         volume = leave_out_masked(volume)  # projections and splats can leave out absent voxels, but apply no masks
+    are_own = volume.values is read and not volume.is_labels  # labels are numbered by the look
+    kept_ranges = KeptArrays.of("ranges", volume.fingerprint, num_bytes) if are_own else NOT_KEPT
+    known = kept_ranges.find()
+    ranges = None if known is None else known["ranges"]
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics
     light_grid = NO_LIGHT_GRID
@@ -154,7 +158,7 @@ def make_layer(
         are_removed = None if clip is None else partial(are_clipped_away, clip)
         light_grid = compute_light_grid(
             volume, optics, spec.shading, are_removed=are_removed, num_threads=num_threads,
-            kept=KeptArrays.of("light", digest, num_bytes),
+            kept=KeptArrays.of("light", digest, num_bytes), ranges=ranges,
         )  # fmt: skip
         lap("light")
     baked = spec.shading and spec.shading.lambert  # other shading is computed at samples between voxels
@@ -163,15 +167,17 @@ def make_layer(
     options |= {"light_grid": light_grid, "num_threads": num_threads}
     bricks = extremes = None
     if scene.needs_opengl:
-        pyramid = build_pyramid(volume, optics, finest_cut=finest_cut, **options)
+        pyramid = build_pyramid(volume, optics, finest_cut=finest_cut, ranges=ranges, **options)
     else:
         has_lit_labels = volume.is_labels and spec.shading is not None
         kept = KeptArrays.of("bricks", digest, num_bytes)
-        bricks = make_bricks(volume, optics, has_lit_labels=has_lit_labels, kept=kept, **options)
+        bricks = make_bricks(volume, optics, has_lit_labels=has_lit_labels, kept=kept, ranges=ranges, **options)
         pyramid = bricks.pyramid
+        if known is None:
+            kept_ranges.keep({"ranges": bricks.ranges})
         if scene.mode.is_extremum:
             alone = BrickLayers((BrickLayer(bricks),), spec.clip)
-            extremes = extreme_bricks(alone, scene.mode, num_threads=num_threads)
+            extremes = extreme_bricks(alone, scene.mode)
     lap("pyramid")
     return Layer(spec, volume, transfer, projection, light_grid, pyramid, bricks, extremes, digest)
 

@@ -62,6 +62,7 @@ def compute_light_grid(
     max_cells: int = MAX_CELLS,
     num_threads: int = 1,
     kept: KeptArrays = NOT_KEPT,
+    ranges: Float64 | None = None,
 ) -> LightGrid:
     """Return the light grid for a shading. The result does not depend on the number of threads.
 
@@ -69,29 +70,29 @@ def compute_light_grid(
         and highest corners in index space relative to the volume's centre.
     max_cells: the largest number of cells along the longest axis of the grid.
     kept: the entry in which the same factors were kept, or are kept now.
+    ranges: the ranges of scalars in bricks, as in `build_pyramid`.
 
     Raises InputError if the volume's file was changed.
     """
     level = max(0, (-(-max(volume.shape_xyz) // max_cells) - 1).bit_length())
     factors = kept.find()
     if factors is None:
-        factors = _factors(volume, transfer, shading, are_removed, level, num_threads)
+        with ThreadPool(num_threads) as threads:
+            depths = _mean_depths(volume, transfer, level, ranges, threads)
+            if are_removed is not None:
+                _remove(depths, volume, level, are_removed)
+            factors = _factors(volume, depths, shading, level, threads)
         kept.keep(factors)
     strengths = float(shading.occlusion), float(shading.shadow)
     return make_light_grid(factors.get("occlusion"), factors.get("shadow"), float(1 << level), strengths)
 
 
 def _factors(
-    volume: Volume,
-    transfer: TransferFunction,
-    shading: ShadingSpec,
-    are_removed: Callable[[Float64], Bools] | None,
-    level: int,
-    num_threads: int,
+    volume: Volume, depths: Float32, shading: ShadingSpec, level: int, threads: ThreadPool
 ) -> dict[str, Float32]:
     """Return the factors that the shading asks for, `occlusion` and `shadow`, as `make_light_grid` takes them.
 
-    level: the octree level of the cells of the grid.
+    depths: as `_mean_depths` returns them. level: the octree level of the cells of the grid.
     """
     width = volume.finest_spacing * 2**level
     start = START_CELLS * width
@@ -99,22 +100,20 @@ def _factors(
     radius = max(OCCLUSION_RADIUS * 2 * volume.half_diagonal if radius is None else radius, start + width)
     across = float(volume.spacing @ volume.shape_xyz)  # at least the length of any ray through the volume
     factors = dict[str, Float32]()
-    with ThreadPool(num_threads) as threads:
-        depths = _mean_depths(volume, transfer, level, threads)
-        if are_removed is not None:
-            _remove(depths, volume, level, are_removed)
-        if shading.occlusion > 0:
-            ends = _sample_ends(start, radius, width, _OCCLUSION_GROWTH)
-            mean = _transmission(volume, depths, level, _sphere(_NUM_OCCLUSION_RAYS), ends, threads)
-            factors["occlusion"] = np.minimum(2 * mean, np.float32(1))
-        if shading.shadow > 0 and shading.light != "camera":
-            ends = _sample_ends(start, start + across, width, _LIGHT_GROWTH)
-            directions = _cone(shading.light, _NUM_LIGHT_RAYS)
-            factors["shadow"] = _transmission(volume, depths, level, directions, ends, threads)
+    if shading.occlusion > 0:
+        ends = _sample_ends(start, radius, width, _OCCLUSION_GROWTH)
+        mean = _transmission(volume, depths, level, _sphere(_NUM_OCCLUSION_RAYS), ends, threads)
+        factors["occlusion"] = np.minimum(2 * mean, np.float32(1))
+    if shading.shadow > 0 and shading.light != "camera":
+        ends = _sample_ends(start, start + across, width, _LIGHT_GROWTH)
+        directions = _cone(shading.light, _NUM_LIGHT_RAYS)
+        factors["shadow"] = _transmission(volume, depths, level, directions, ends, threads)
     return factors
 
 
-def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads: ThreadPool) -> Float32:
+def _mean_depths(
+    volume: Volume, transfer: TransferFunction, level: int, ranges: Float64 | None, threads: ThreadPool
+) -> Float32:
     """Return the mean optical depths of cells of 2^level voxels a side, on a path as long as the finest spacing.
 
     Returns float32 [z + 2, y + 2, x + 2]: the outermost cells are repeated once beyond each border.
@@ -122,13 +121,18 @@ def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads
     classifier, raw = make_classifier(volume, transfer, None, opacity=False), raw_voxels(volume)
     by_pattern = None if classifier.table is None else np.ascontiguousarray(classifier.table[:, 3])
     out, shares = np.empty((2, *(-(-num >> level) for num in raw.shape)), np.float32)
-    average = kernels().average_voxels.partial(raw=raw, by_pattern=by_pattern, curve=classifier.curve, level=level)
+    average = kernels().average_voxels.partial(
+        raw=raw, by_pattern=by_pattern, curve=classifier.curve, ranges=ranges, breakpoints=classifier.breakpoints,
+        level=level,
+    )  # fmt: skip
     volume.require_unchanged()
     threads.map(lambda z: average(slab=z, out=out[z]), range(len(out)))
     volume.require_unchanged()
     if volume.are_shown is not None:
         themselves = np.arange(256, dtype=np.float32)
-        share = kernels().average_voxels.partial(raw=volume.are_shown, by_pattern=themselves, curve=None, level=level)
+        share = kernels().average_voxels.partial(
+            raw=volume.are_shown, by_pattern=themselves, curve=None, ranges=None, breakpoints=np.empty(0), level=level
+        )
         threads.map(lambda z: share(slab=z, out=shares[z]), range(len(out)))
         out *= shares
     return np.pad(out, 1, mode="edge")

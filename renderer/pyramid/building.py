@@ -96,6 +96,7 @@ def build_pyramid(
     num_threads: int = 2,
     finest_cut: FinestCut = EVERY_CUT,
     streamed: Sequence[BrickSums] = (),
+    ranges: Float64 | None = None,
 ) -> Pyramid:
     """Build all levels of the pyramid in one pass over the voxels. The result does not depend on `num_threads`.
 
@@ -103,12 +104,14 @@ def build_pyramid(
     finest_cut: the bound of the cuts that will be made.
     streamed: statistics to which the visible nodes of the levels up to STREAMED_LEVELS are added, one for each level;
         these nodes are then not stored.
+    ranges: float64 [z, y, x, 2], bounds of the scalars in bricks of level 0 and their halo, if they are known: voxels
+        that show nothing by them are not read.
 
     Raises InputError if the volume's file was changed.
     """
     num_levels = max(BLOCK_LEVELS if streamed else 1, (max(volume.shape_xyz) - 1).bit_length())
     finest_cut = _FINEST_STREAMED if streamed else finest_cut
-    plan = _plan_build(volume, transfer, spec, error, (shading, light_grid), finest_cut)
+    plan = replace(_plan_build(volume, transfer, spec, error, (shading, light_grid), finest_cut), ranges=ranges)
     if streamed:
         plan = replace(plan, streamed=_streamed_levels(plan, streamed))
     else:
@@ -165,6 +168,7 @@ class _Plan:
     dtype: the dtype in which means and errors are stored.
     leaf_variance_limits: the variances below which nodes of level 2, and of level 3, are leaves in every cut.
     streamed: the levels whose nodes are added to statistics and not stored, from level 1 on.
+    ranges: as in `build_pyramid`.
     """
 
     pyramid: Pyramid
@@ -174,6 +178,7 @@ class _Plan:
     dtype: type[np.float16] | type[np.float32]
     leaf_variance_limits: tuple[float, float] = (0.0, 0.0)
     streamed: tuple[StreamedLevel, ...] = ()
+    ranges: Float64 | None = None
 
     @property
     def num_error_channels(self) -> int:
@@ -329,7 +334,7 @@ def _make_scratch(plan: _Plan, num_blocks: int) -> _Scratch:
     nodes = room_for_nodes(num_blocks, plan.num_error_channels)
     build = kernels().build_blocks.partial(
         raw=raw_voxels(plan.pyramid.volume), classifier=plan.pyramid.mean_classifier,
-        error_classifier=plan.error_classifier, normalization=plan.normalization,
+        error_classifier=plan.error_classifier, ranges=plan.ranges, normalization=plan.normalization,
         leaf_variance_limits=np.array(plan.leaf_variance_limits), occupied=plan.pyramid.occupied,
         occupied_level=plan.pyramid.occupied_level, streamed=plan.streamed, nodes=nodes,
     )  # fmt: skip

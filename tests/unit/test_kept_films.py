@@ -174,6 +174,92 @@ def test_another_look_after_the_first_one(tmp_path: Path) -> None:
         np.testing.assert_array_equal(picture(changed, cache), picture(changed, None))
 
 
+def two_blocks(dtype: str) -> Array:
+    """Return a block of low noise and a block of high noise, side by side along x, each four bricks long."""
+    values = np.random.default_rng(0).integers(90, 110, (64, 64, 128)).astype(dtype)
+    values[..., 64:] += 100
+    values[0, 0, :2] = 0, 255  # the range stays the same, whatever is written into bricks
+    return values
+
+
+def write_unnoticed(file: Path, hidden: slice) -> int:
+    """Write high values into the middles of bricks of a volume, `hidden` along x, and return how many bricks it were.
+
+    Halos reach one voxel into a brick.
+    """
+    values = np.load(file, mmap_mode="r+")
+    bricks = values[..., hidden].reshape(4, 16, 4, 16, -1, 16)
+    bricks[:, 1:-1, :, 1:-1, :, 1:-1] = 250
+    values.flush()
+    os.utime(file, (1000, 1000))
+    return bricks.shape[0] * bricks.shape[2] * bricks.shape[4]
+
+
+HIGH: dict[str, Any] = {
+    "transfer_function": {"points": [{**POINTS[0], "value": 150}, {**POINTS[1], "value": 250, "opacity": 0.2}]}
+}
+HIGH_LOOKS: dict[str, dict[str, Any]] = {
+    "plain": HIGH,
+    "lit": {**HIGH, "shading": LIGHT},
+    "occluded": {**HIGH, "shading": {**LIGHT, "occlusion": 0.6, "shadow": 0.5}},
+    "averaged opacities": {**HIGH, "pyramid": {"average": "opacity"}},
+    "splats": {**HIGH, "splat": {"footprint": "gaussian"}, "error": {"tolerance": 1.0}},
+}
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "float32"])
+@pytest.mark.parametrize("look", [*HIGH_LOOKS])
+@pytest.mark.parametrize("first", [0, 32])
+def test_another_look_reads_no_bricks_that_it_does_not_show(
+    look: str, dtype: str, first: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After the first look, other voxels are in bricks that the second one does not show, and nobody can notice.
+
+    first: the first plane of the volume.
+    """
+    tree, cache = scene_of(tmp_path, two_blocks(dtype), LOOK), tmp_path / "cache"
+    tree["volume"]["crop"] = {"z": [first, 64]}
+    changed = {**tree, **HIGH_LOOKS[look]}
+    plain = picture(changed, None)
+    assert plain.any()
+    monkeypatch.setattr("renderer.volume.kept_passes.time_of_change", lambda _: 0)
+    monkeypatch.setattr(MappedFile, "require_unchanged", lambda _: None)
+    picture(tree, cache)
+    assert write_unnoticed(Path(tree["volume"]["file"]), slice(16, 48)) == 32
+    np.testing.assert_array_equal(picture(changed, cache), plain)
+    assert not np.array_equal(picture(changed, None), plain)
+
+
+def of_two_labels(folder: Path) -> list[dict[str, Any]]:
+    """Return the scenes of a volume of two labels, each of which shows one of them."""
+    values = np.full((64, 64, 128), 1, np.uint8)
+    values[..., 64:] = 2
+    return [scene_of(folder, values, {"labels": {"opacity": 0.5, "hide": [label]}}) for label in (1, 2)]
+
+
+def of_two_masks(folder: Path) -> list[dict[str, Any]]:
+    """Return the scenes of a volume: the maximum in one half, and light in the other half."""
+    tree = scene_of(folder, two_blocks("uint8"), LOOK)
+    mask = folder / "mask.npy"
+    np.save(mask, np.repeat(np.uint8([1, 2]), 64) + np.zeros((64, 64, 1), np.uint8))
+    os.utime(mask, (1000, 1000))
+    masks = [{"mask": {"file": str(mask), "spacing": [1, 1, 1.5], "show": [label]}} for label in (1, 2)]
+    return [{**tree, **masks[0], "mode": {"type": "maximum"}}, {**tree, **masks[1]}]
+
+
+@pytest.mark.parametrize("make", [of_two_labels, of_two_masks])
+def test_ranges_of_voxels_that_a_look_changed_are_not_kept(
+    make: Callable[[Path], list[dict[str, Any]]], tmp_path: Path
+) -> None:
+    one, other = make(tmp_path)
+    cache = tmp_path / "cache"
+    picture(one, cache)
+    assert "bricks" in kinds_in(cache) and "ranges" not in kinds_in(cache)
+    plain = picture(other, None)
+    assert plain.any()
+    np.testing.assert_array_equal(picture(other, cache), plain)
+
+
 @pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "float32", "int32"])
 def test_the_second_look_at_a_volume_passes_over_no_voxels(
     dtype: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -228,13 +314,14 @@ def test_a_changed_file_is_read_again(number: int, tmp_path: Path) -> None:
     now = picture(tree, cache)
     assert not np.array_equal(now, before)
     np.testing.assert_array_equal(now, picture(tree, None))
+    np.testing.assert_array_equal(picture({**tree, **OPAQUE}, cache), picture({**tree, **OPAQUE}, None))
 
 
 def test_a_file_that_has_just_changed_is_not_trusted(tmp_path: Path) -> None:
     tree, cache = scene_of(tmp_path, ball("uint8"), "plain"), tmp_path / "cache"
     os.utime(tree["volume"]["file"])
     picture(tree, cache)
-    assert kinds_in(cache) == {"bricks"}  # found by the voxels themselves, which are read again
+    assert kinds_in(cache) == {"bricks", "ranges"}  # found by the voxels themselves, which are read again
 
 
 def test_damaged_entries_are_made_again(tmp_path: Path) -> None:

@@ -37,18 +37,12 @@ struct MeasureVoxelBricks {
     // [3, z, y, x]: for each brick, the largest D or J, and the root mean squares of D / width^2 and of J, which
     // subvoxel.cpp defines; the caller must zero the array.
     Array<double, 4> measures;
+    // [z, y, x, 2]: bounds of the scalars of each brick and its halo, minus infinity and infinity if none are known. The
+    // kernel reads no voxels of a brick whose measures and visible bounds are 0 by them. To the bounds of the bricks
+    // that it reads it writes the smallest and the largest scalar; infinity and minus infinity if there is no scalar.
+    Array<double, 4> ranges;
 };
 LONG_KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
-
-// Find the ranges of scalars in bricks of level 0 and their halo.
-struct MeasureRanges {
-    Voxels voxels;
-    // [n, 3]: the place (x, y, z) of each brick, in widths of a brick.
-    EACH_CALL Array<const int32_t, 2> cells;
-    // [n, 2]: the smallest and the largest scalar of each brick.
-    EACH_CALL Array<double, 2> ranges;
-};
-KERNEL(measure_ranges, MeasureRanges)
 
 // Add nodes to the statistics of bricks.
 struct AddNodes {

@@ -93,6 +93,17 @@ struct Curve {
 
     INLINE Channels operator()(int64_t segment, double scalar) const { return evaluate_segment(rows, segment, scalar); }
 
+    // Return whether the channels are constant between two scaled scalars.
+    INLINE bool is_flat_between(Range range) const {
+        int64_t segment = num_at_or_below(range.low, 0);
+        return is_flat(segment) && num_at_or_below(range.high, segment) == segment;
+    }
+
+    // Return whether the channels of a scaled scalar are 0.
+    INLINE bool is_zero(double scalar) const {
+        return !any_of(mask_of((*this)(num_at_or_below(scalar, 0), scalar) != 0.0));
+    }
+
     INLINE bool is_flat(int64_t segment) const { return !any_of(mask_of(load<Channels>(&rows(segment, 6), 0) != 0.0)); }
 };
 
@@ -297,10 +308,22 @@ struct PatternOrder {
     }
 };
 
+INLINE Range scaled(const Curve& curve, Range range) { return {curve.scale * range.low, curve.scale * range.high}; }
+
+// Return whether a brick may have visible bounds, or measures other than 0, by a bound of its scalars. Beside hidden and
+// missing voxels, measures are 0 where all channels are.
+INLINE bool may_count(const MeasureVoxelBricks& arguments, const Curve& curve, Range range) {
+    if (!(range.low <= range.high)) return false;
+    if (is_range_visible(arguments.breakpoints, range.low, range.high)) return true;
+    if (range.low < range.high && !curve.is_flat_between(scaled(curve, range))) return true;
+    bool may_have_edges = arguments.shown.exists || arguments.voxels.has_absent;
+    return may_have_edges && !curve.is_zero(curve.scale * range.low);
+}
+
 // Measure bricks as `measure_voxel_bricks` does, by the patterns of voxels, all of which have data and are shown.
 template <class T>
 Status measure_patterns(const MeasureVoxelBricks& arguments, const PatternOrder<T>& order) {
-    const auto& [voxels, cells, breakpoints, table, shown, are_lit, texels, bounds, measures] = arguments;
+    const auto& [voxels, cells, breakpoints, table, shown, are_lit, texels, bounds, measures, ranges] = arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;
     Buffer<T> low(size * size * size), high(size * size * size);
     Curve curve = {table.rows, table.scale};
@@ -308,14 +331,11 @@ Status measure_patterns(const MeasureVoxelBricks& arguments, const PatternOrder<
     if (!low || !high || !terms) return NO_MEMORY;
     Array<const T, 3> raw = {(const T*)voxels.raw.data, {}};
     for (int axis = 0; axis < 3; axis++) raw.shape[axis] = voxels.raw.shape[axis];
-    auto is_flat_between = [&](double from, double to) {
-        int64_t segment = curve.num_at_or_below(curve.scale * from, 0);
-        return curve.is_flat(segment) && curve.num_at_or_below(curve.scale * to, segment) == segment;
-    };
     auto may_show = [&](T from, T to) { return is_range_visible(breakpoints, order.scalars[from], order.scalars[to]); };
     for (int64_t i = 0; i < cells.shape[0]; i++) {
         if (is_stopped()) return STOPPED;
         int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
+        if (!may_count(arguments, curve, {ranges(z, y, x, 0), ranges(z, y, x, 1)})) continue;
         const int64_t first[3] = {BRICK_SIZE * x - HALO, BRICK_SIZE * y - HALO, BRICK_SIZE * z - HALO};
         load_values(raw, box_of(voxels.raw), first, size, low.data, [](T pattern) { return pattern; });
         if (order.flip)
@@ -323,7 +343,9 @@ Status measure_patterns(const MeasureVoxelBricks& arguments, const PatternOrder<
         T lowest = TOP<T>, highest = BOTTOM<T>;
         for (int64_t k = 0; k < size * size * size; k++)
             lowest = least(lowest, low.data[k]), highest = most(highest, low.data[k]);
-        bool is_varying = lowest < highest && !is_flat_between(order.scalars[lowest], order.scalars[highest]);
+        const Range range = {order.scalars[lowest], order.scalars[highest]};
+        ranges(z, y, x, 0) = range.low, ranges(z, y, x, 1) = range.high;
+        bool is_varying = lowest < highest && !curve.is_flat_between(scaled(curve, range));
         bool is_visible = may_show(lowest, highest);
         if (!is_varying && !is_visible) continue;
         DualCells<T> of_brick = {{low.data, {size, size, size}}, {high.data, {size, size, size}}, {}};
@@ -362,12 +384,12 @@ bool measure_if_ordered(const MeasureVoxelBricks& arguments, Status& status) {
 // A brick has half of each dual cell between itself and a neighbour. Beyond the border, the nearest voxels are
 // repeated.
 Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
-    const auto& [voxels, cells, breakpoints, table, shown, are_lit, texels, bounds, measures] = *arguments;
+    const auto& [voxels, cells, breakpoints, table, shown, are_lit, texels, bounds, measures, ranges] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;
     auto num_bricks = [&](int axis) { return (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE; };
     int64_t num_z = num_bricks(0), num_y = num_bricks(1), num_x = num_bricks(2);
     if (!fit_together(voxels, cells) || !fits(table) || !has_shape(bounds, num_z, num_y, num_x, 2, 3) ||
-        !has_shape(measures, 3, num_z, num_y, num_x) ||
+        !has_shape(measures, 3, num_z, num_y, num_x) || !has_shape(ranges, num_z, num_y, num_x, 2) ||
         (texels.exists && !has_shape(texels.value, cells.shape[0], size, size, size, 4)) ||
         (shown.exists && !has_shape(shown.value, voxels.raw.shape[0], voxels.raw.shape[1], voxels.raw.shape[2])))
         return OUT_OF_BOUNDS;
@@ -393,18 +415,21 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
             measures(0, z, y, x) = found.largest, measures(2, z, y, x) = found.differences;
             continue;
         }
+        if (!may_count(*arguments, curve, {ranges(z, y, x, 0), ranges(z, y, x, 1)})) continue;
         load_brick(voxels, cells[i], voxels.has_absent ? around.field : low.field);
+        // A voxel without data takes a mean of its neighbours, which may lie outside the brick.
+        Range of_voxels = range_of(voxels.has_absent ? around.field : low.field);
         if (voxels.is_labels) load_brick(voxels, cells[i], around.field);
         if (voxels.is_labels && are_lit) {
             clear_beyond_border(voxels, cells[i], low.field);
             clear_beyond_border(voxels, cells[i], around.field);
         }
         bool is_whole = !voxels.has_absent || fill_absent(around.field, low.field);
-        Range range = range_of(low.field);
+        Range range = voxels.has_absent || voxels.is_labels ? range_of(low.field) : of_voxels;
+        // The mean of equal numbers may differ from them in its last place.
+        ranges(z, y, x, 0) = least(of_voxels.low, range.low), ranges(z, y, x, 1) = most(of_voxels.high, range.high);
         if (!(range.low <= range.high)) continue;
-        int64_t first = curve.num_at_or_below(curve.scale * range.low, 0);
-        bool is_varying = !is_whole || shown.exists || !curve.is_flat(first) ||
-                          curve.num_at_or_below(curve.scale * range.high, first) > first;
+        bool is_varying = !is_whole || shown.exists || !curve.is_flat_between(scaled(curve, range));
         bool is_visible = may_show(range.low, range.high);
         if (is_varying || is_visible) to_ranges(of_brick);
         if (is_visible) find_visible_bounds(of_brick, may_show, bounds[z][y][x]);

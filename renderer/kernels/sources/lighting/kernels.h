@@ -11,6 +11,10 @@ struct AverageVoxels {
     Maybe<Array<const float, 1>> by_pattern;
     // The transfer function, if scalars have more than 16 bits; otherwise None.
     Maybe<TransferTable> curve;
+    // [z, y, x, 2]: the ranges of scalars in bricks, as in BuildBlocks; None if they are unknown.
+    Maybe<Array<const double, 4>> ranges;
+    // The scalars, ascending, at which voxels become visible or invisible.
+    Array<const double, 1> breakpoints;
     // The level of the cells, which are 2^level voxels wide.
     int64_t level;
     // The index of the slab of cells, along z.

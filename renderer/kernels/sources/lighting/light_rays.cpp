@@ -5,6 +5,7 @@
 #include "lighting/kernels.h"
 #include "base/lanes.h"
 #include "base/stopping.h"
+#include "pyramid/brick_ranges.h"
 #include "transfer/light_grid.h"
 #include "transfer/transfer.h"
 
@@ -47,13 +48,15 @@ INLINE Floats interpolate_row(const Array<const float, 3>& grid, Floats x, float
 // Write the mean optical depths of cells of 2^level voxels in a slab, which is one cell thick. A cell that the border
 // cuts has the mean of the voxels inside the volume.
 Status average_voxels(const AverageVoxels* arguments) {
-    const auto [raw, by_pattern, curve, level, slab, out] = *arguments;
+    const auto [raw, by_pattern, curve, ranges, breakpoints, level, slab, out] = *arguments;
     const auto [num_z, num_y, num_x] = raw.shape;
     int64_t side = (int64_t)1 << level, z0 = slab << level, z1 = least((slab + 1) << level, num_z);
     auto num_cells = [&](int64_t num) { return (num + side - 1) >> level; };
-    if (!has_shape(out, num_cells(num_y), num_cells(num_x)) || z0 < 0 || z0 >= num_z) return OUT_OF_BOUNDS;
+    if (!has_shape(out, num_cells(num_y), num_cells(num_x)) || z0 < 0 || z0 >= num_z || !fits(ranges, raw))
+        return OUT_OF_BOUNDS;
     Buffer<double> sums(out.shape[1]);
-    if (!sums) return NO_MEMORY;
+    Buffer<bool> may_show((num_x + BRICK_SIZE - 1) / BRICK_SIZE);  // the bricks along a line of voxels
+    if (!sums || !may_show) return NO_MEMORY;
     auto end_of = [&](int64_t cell) { return least((cell + 1) << level, num_x); };
     return with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {
         constexpr int num_bits = 8 * sizeof(T);
@@ -71,9 +74,15 @@ Status average_voxels(const AverageVoxels* arguments) {
             for (int64_t z = z0; z < z1; z++)
                 for (int64_t y = y0; y < y1; y++) {
                     const auto line = voxels[z][y];
+                    for (int64_t brick = 0; brick < may_show.shape[0]; brick++)
+                        may_show[brick] = may_show_brick(ranges, breakpoints, BRICK_SIZE * brick, y, z);
                     for (int64_t cell = 0; cell < out.shape[1]; cell++) {
                         double sum = sums[cell];
-                        for (int64_t x = cell << level; x < end_of(cell); x++) sum += depth_of(line[x]);
+                        for (int64_t x = cell << level, end; x < end_of(cell); x = end) {
+                            end = least(end_of(cell), (x / BRICK_SIZE + 1) * BRICK_SIZE);
+                            if (may_show[x / BRICK_SIZE])
+                                for (int64_t k = x; k < end; k++) sum += depth_of(line[k]);
+                        }
                         sums[cell] = sum;
                     }
                 }

@@ -1,10 +1,12 @@
 // Find the blocks of voxels that show nothing; they get no nodes.
 //
 // Voxels of at most 16 bits are looked up in a table, until one is visible. Blocks of wider voxels are tested by their
-// smallest and largest scalar, so that a block may count as visible although none of its voxels is.
+// smallest and largest scalar, so that a block may count as visible although none of its voxels is. No voxel is read
+// in a brick whose known range of scalars is invisible.
 #pragma once
 #include "base/lanes.h"
 #include "volume/voxels.h"
+#include "pyramid/brick_ranges.h"
 #include "transfer/transfer.h"
 
 namespace {
@@ -15,6 +17,8 @@ class VisibilityTest {
     static constexpr int64_t SIDE = 8;
     const AnyArray<3>& raw;
     const Classifier& classifier;
+    // The ranges of scalars in bricks, if they are known, as in BuildBlocks.
+    const Maybe<Array<const double, 4>> ranges;
     // Whether each bit pattern of a voxel is visible; empty for voxels of more than 16 bits.
     Buffer<bool> is_visible;
 
@@ -56,8 +60,8 @@ class VisibilityTest {
     }
 
   public:
-    VisibilityTest(const AnyArray<3>& voxels, const Classifier& by)
-        : raw(voxels), classifier(by), is_visible(by.table.value.shape[0]) {
+    VisibilityTest(const AnyArray<3>& voxels, const Classifier& by, const Maybe<Array<const double, 4>>& known = {})
+        : raw(voxels), classifier(by), ranges(known), is_visible(by.table.value.shape[0]) {
         if (is_visible)
             for (int64_t pattern = 0; pattern < is_visible.shape[0]; pattern++)
                 is_visible[pattern] = by.table.value(pattern, 3) > 0;
@@ -66,8 +70,11 @@ class VisibilityTest {
     // Return false if there was no memory for the test.
     explicit operator bool() const { return (bool)is_visible; }
 
-    // Return whether a block of at most SIDE voxels along each axis may show anything.
+    // Return whether a block of at most SIDE voxels along each axis, all in one brick if there are ranges, may show
+    // anything.
     bool operator()(const VoxelBox& box) const {
+        const auto& first = box.first;
+        if (!may_show_brick(ranges, classifier.breakpoints, first[0], first[1], first[2])) return false;
         bool found = false;
         with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {
             if constexpr (sizeof(T) <= 2) found = has_visible_voxel(voxels, box);

@@ -66,6 +66,9 @@ struct BuildBlocks {
     // The classifier of the channels that errors are measured on; None if errors are measured on the stored channels or
     // on scalars.
     Maybe<Classifier> error_classifier;
+    // [z, y, x, 2]: the smallest and the largest scalar of each brick of level 0 and its halo, or bounds of them, by
+    // which voxels that show nothing are not read; None if they are unknown.
+    Maybe<Array<const double, 4>> ranges;
     // [2]: an offset and a scale of the scalars that errors are measured on; None if errors are measured on channels.
     Maybe<Array<const double, 1>> normalization;
     // The limits of the variance for nodes of level 2, and of level 3: a node below the limit is drawn as one cell at

@@ -167,11 +167,11 @@ bool fits(const Array<const StreamedLevel, 1>& streamed) {
 // itself. build_errors(box): builds `errors`, unless it is `group`.
 template <class T, class Build>
 Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& errors, Build build_errors) {
-    const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, streamed, starts,
-                 extents, visible, nodes] = arguments;
+    const auto& [raw, classifier, error_classifier, ranges, normalization, limits, occupied, occupied_level,
+                 streamed, starts, extents, visible, nodes] = arguments;
     const int64_t num_streamed = streamed.shape[0], marked_level = least(occupied_level, NUM_LEVELS) - 1;
     Writer writer(nodes);
-    VisibilityTest test(raw, classifier);
+    VisibilityTest test(raw, classifier, ranges);
     if (!writer.fits<T>(starts.shape[0])) return OUT_OF_BOUNDS;
     if (!test) return NO_MEMORY;
     const BrickSums none = {};
@@ -239,12 +239,13 @@ Status merge_all(const MergeTier& arguments) {
 // `starts`, and `extents` voxels (x, y, z) of it are inside the volume. Visible nodes are marked in `occupied`, a grid
 // of cells of `occupied_level`.
 Status build_blocks(const BuildBlocks* arguments) {
-    const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, streamed, starts,
-                 extents, visible, nodes] = *arguments;
+    const auto& [raw, classifier, error_classifier, ranges, normalization, limits, occupied, occupied_level,
+                 streamed, starts, extents, visible, nodes] = *arguments;
     int64_t num = starts.shape[0];
     if (!fits(classifier, raw) || (error_classifier.exists && !fits(error_classifier.value, raw)) ||
-        (normalization.exists && !has_shape(normalization.value, 2)) || !has_shape(starts, num, 3) ||
-        !has_shape(extents, num, 3) || !has_shape(visible, num) || !fits(streamed))
+        !fits(ranges, raw) || (normalization.exists && !has_shape(normalization.value, 2)) ||
+        !has_shape(starts, num, 3) || !has_shape(extents, num, 3) || !has_shape(visible, num) ||
+        !fits(streamed))
         return OUT_OF_BOUNDS;
     Group<float> group;
     if (normalization.exists) {
