@@ -16,6 +16,7 @@ from .records import (
     Light as Light,
     LightGrid as LightGrid,
     MaskGrid as MaskGrid,
+    PlacedVoxels as PlacedVoxels,
     ModelView as ModelView,
     PiecewiseTransfer as PiecewiseTransfer,
     RaySetup as RaySetup,
