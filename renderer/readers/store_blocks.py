@@ -51,7 +51,7 @@ class Blocks:
         return self.size, self.wanted.shape, bits
 
     def shape_in(self, within: Ranges) -> tuple[int, ...]:
-        """Return the shape of an array of the blocks that meet a box: their numbers, and their voxels, along z, y, x."""
+        """Return the shape of an array of the blocks that meet a box: their numbers and their voxels, along z, y, x."""
         counts = [len(each) for each in self._near(within)]
         return (*counts[::-1], *self.size[::-1])
 
@@ -76,14 +76,12 @@ class Blocks:
         return tuple(slice(low % side, low % side + high - low) for (low, high), side in pairs)[::-1]
 
     def places(self, within: Ranges) -> tuple[Int64, ...]:
-        """Return the numbers, for z, y and x, whose sums are the places of a box's voxels in the array of its blocks."""
-        counts, found = [len(each) for each in self._near(within)], []
-        num_in_block, num_before, x_y_z = math.prod(self.size), 1, zip(self.size, within, strict=True)
-        step = 1
-        for (side, (low, high)), near, count in zip(x_y_z, self._near(within), counts, strict=True):
+        """Return the numbers, for z, y and x, whose sums are the places of a box's voxels in the array of blocks."""
+        found, in_block, of_block = list[Int64](), 1, math.prod(self.size)
+        for side, (low, high), near in zip(self.size, within, self._near(within), strict=True):
             block, inside = np.divmod(np.arange(low, high), side)
-            found.append((block - near.start) * num_before * num_in_block + inside * step)
-            num_before, step = num_before * count, step * side
+            found.append((block - near.start) * of_block + inside * in_block)
+            in_block, of_block = in_block * side, of_block * len(near)
         return tuple(found[::-1])
 
     def _near(self, within: Ranges) -> list[range]:
