@@ -20,7 +20,7 @@ import numpy as np
 
 from renderer.cache import CacheFolder, cache_folder
 from renderer.readers.image import Image
-from renderer.readers.isolation import kept_image
+from renderer.readers.isolation import kept_image, share_voxels
 from renderer.readers.level_parts import level_read, with_blocks
 from renderer.readers.recent_images import marks_of
 from renderer.readers.store_blocks import Blocks
@@ -66,14 +66,16 @@ def read_part_kept(
 ) -> Image:
     """Return a part of a level with more blocks, as `with_blocks`, and keep it if the process has a cache folder.
 
-    It takes the place of the part that an earlier process has kept.
+    It takes the place of the part that an earlier process has kept, and has its file, to which blocks are added: a
+    process that has mapped the file looks at other blocks.
     """
     folder = cache_folder()
     if folder is None:
         return with_blocks(part, blocks, read)
     facts, image = _facts(lambda **_: part, place, wanted), None
     with suppress(OSError), folder.adding(_PART_KIND, facts) as entry:
-        image = with_blocks(part, blocks, partial(read, entry=entry))
+        is_shared = share_voxels(part, entry)
+        image = with_blocks(part, blocks, partial(read, entry=entry), is_shared=is_shared)
         assert image.blocks is not None
         np.save(entry / f"{_BLOCKS}.npy", image.blocks.wanted, allow_pickle=False)
         folder.remove(_PART_KIND, facts)

@@ -27,17 +27,18 @@ def has_blocks(part: Image, wanted: Blocks) -> bool:
     return part.blocks is not None and not (wanted.wanted & ~part.blocks.wanted).any()
 
 
-def with_blocks(part: Image, wanted: Blocks, read: ReadBlocks) -> Image:
+def with_blocks(part: Image, wanted: Blocks, read: ReadBlocks, *, is_shared: bool = False) -> Image:
     """Return a part of a level with the blocks that it has, and the wanted ones, of which the missing ones are read.
 
-    part: an array of blocks, or a level of which nothing is read.
+    part: an array of blocks, or a level of which nothing is read. is_shared: whether the file that `read` fills has the
+        blocks of the part.
     """
     if part.blocks is None:
         return replace(read(blocks=wanted.to_plain(), in_blocks=True), blocks=wanted)
     missing = replace(wanted, wanted=wanted.wanted & ~part.blocks.wanted)
     image = read(blocks=missing.to_plain(), in_blocks=True)
     assert part.box is not None
-    for place, _ in part.blocks.tiles(part.box):
+    for place, _ in part.blocks.tiles(part.box) if not is_shared else ():
         image.values[place] = part.values[place]
     return replace(image, blocks=replace(wanted, wanted=wanted.wanted | part.blocks.wanted))
 

@@ -249,12 +249,12 @@ def _read(store: OpenImage, number: int, part: _Part, host: Host) -> Array:
 
     def read(piece: tuple[Box, Array]) -> int:
         item, values = piece
-        if scaling == _NO_SCALING:
+        if scaling == _NO_SCALING and not part.in_blocks:
             store.read_box(number, item, values)
             return values.nbytes
         stored = np.empty(values.shape, level.dtype.newbyteorder("="))
         store.read_box(number, item, stored)
-        values[...] = scaled(stored, *scaling)
+        host.fill(values, stored if scaling == _NO_SCALING else scaled(stored, *scaling))
         return values.nbytes
 
     pieces = [piece for target in part.targets(found) for piece in slabs_of(*target, level.chunks)]
