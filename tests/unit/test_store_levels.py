@@ -187,6 +187,8 @@ def test_a_kept_choice_takes_no_measurement(tmp_path: Path, monkeypatch: pytest.
         tree = scene_to_dict(scene)
         elsewhere = tree["output"] | {"file": "/b-{frame}.png"}
         assert not is_measured(parse_scene(tree | {"output": elsewhere}, base=tmp_path))
+        path = tree["camera"]["path"] | {"elevation": 50}
+        assert is_measured(parse_scene(tree | {"camera": tree["camera"] | {"path": path}}, base=tmp_path))
         other = tree["output"] | {"background": "#ff0000"}
         assert is_measured(parse_scene(tree | {"output": other}, base=tmp_path))
         for file in (tmp_path / "cache").glob("choice-*/*.npy"):
