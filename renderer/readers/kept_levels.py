@@ -21,7 +21,7 @@ import numpy as np
 from renderer.cache import CacheFolder, cache_folder
 from renderer.readers.image import Image
 from renderer.readers.isolation import kept_image, share_voxels
-from renderer.readers.level_parts import level_read, with_blocks
+from renderer.readers.level_parts import has_blocks, level_read, with_blocks
 from renderer.readers.recent_images import marks_of
 from renderer.readers.store_blocks import Blocks
 
@@ -64,15 +64,19 @@ def find_part(plan: Image, place: Path | str, wanted: Mapping[str, Any]) -> Imag
 def read_part_kept(
     part: Image, blocks: Blocks, read: Callable[..., Image], place: Path | str, wanted: Mapping[str, Any]
 ) -> Image:
-    """Return a part of a level with more blocks, as `with_blocks`, and keep it if the process has a cache folder.
+    """Return a part of a level with more blocks, as `with_blocks`, from the cache folder as far as they are there.
 
-    It takes the place of the part that an earlier process has kept, and has its file, to which blocks are added: a
-    process that has mapped the file looks at other blocks.
+    It is kept if the process has such a folder. It takes the place of the part that an earlier process has kept, and
+    has its file, to which blocks are added: a process that has mapped the file looks at its own blocks alone.
     """
     folder = cache_folder()
     if folder is None:
         return with_blocks(part, blocks, read)
     facts, image = _facts(lambda **_: part, place, wanted), None
+    if part.blocks is None:
+        part = _find_part(folder, facts) or part
+    if has_blocks(part, blocks):
+        return part
     with suppress(OSError), folder.adding(_PART_KIND, facts) as entry:
         is_shared = share_voxels(part, entry)
         image = with_blocks(part, blocks, partial(read, entry=entry), is_shared=is_shared)

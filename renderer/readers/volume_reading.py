@@ -280,11 +280,7 @@ def _part(spec: VolumeSpec, place: Path | str, blocks: Blocks | None) -> Image:
     whole = _RECENT_IMAGES.find(_level_request(spec, place, "store", wanted)) or find_kept(part, place, wanted)
     if whole is not None:
         return whole
-    if part.blocks is None:
-        part = find_part(part, place, wanted) or part
-    if not has_blocks(part, blocks):
-        part = read_part_kept(part, blocks, read, place, wanted)
-    return _RECENT_IMAGES.keep(request, part)
+    return _RECENT_IMAGES.keep(request, read_part_kept(part, blocks, read, place, wanted))
 
 
 def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
