@@ -18,6 +18,7 @@ from .records import (
     MaskGrid as MaskGrid,
     ModelView as ModelView,
     PiecewiseTransfer as PiecewiseTransfer,
+    PlacedVoxels as PlacedVoxels,
     RaySetup as RaySetup,
     RayShading as RayShading,
     RemovedSet as RemovedSet,

@@ -18,6 +18,7 @@ from renderer.kernels.records import (
     LayerOptics,
     MaskGrid,
     ModelView,
+    PlacedVoxels,
     RaySetup,
     SearchRules,
     StreamedLevel,
@@ -284,7 +285,7 @@ class SearchRays(Protocol):
     def partial(
         self,
         *,
-        values: NDArray[Any],
+        voxels: PlacedVoxels,
         tops: NDArray[np.float64],
         sign: float,
         least_rise: float,
