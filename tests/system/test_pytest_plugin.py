@@ -65,7 +65,7 @@ import pytest
 @pytest.hookimpl(trylast=True)
 def pytest_sessionstart():
     if "hsplat_cli.compare.golden.acceptance" in sys.modules:
-        Path("accepted-" + os.environ.get("PYTEST_XDIST_WORKER", "main")).touch()
+        Path("accepted-" + (os.environ.get("PYTEST_XDIST_WORKER") or "main")).touch()
 """
 
 
@@ -98,9 +98,9 @@ def run(folder: Path, *arguments: str, **variables: str) -> subprocess.Completed
 
 
 def run_pytest(folder: Path, *arguments: str, **variables: str) -> tuple[int, str]:
-    """Run pytest with the plugin; return its exit code and what it prints."""
+    """Run pytest with the plugin, also in a worker of xdist; return its exit code and what it prints."""
     plugins = ("-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", "-rA")
-    for name in ("CI", "GITHUB_EVENT_NAME", "CI_PIPELINE_SOURCE"):
+    for name in ("CI", "GITHUB_EVENT_NAME", "CI_PIPELINE_SOURCE", "PYTEST_XDIST_WORKER"):
         variables.setdefault(name, "")
     done = run(folder, *plugins, *arguments, **variables)
     return done.returncode, done.stdout + done.stderr
