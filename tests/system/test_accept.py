@@ -86,8 +86,8 @@ def test_all_that_fails_is_accepted(source: str, capsys: pytest.CaptureFixture[s
     assert main.run(["golden", "scenes", "--accept", source]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "box: 4 frames accepted",
-        "engine: 4 frames accepted",
         "scenes/goldens/box: 4 goldens",
+        "engine: 4 frames accepted",
         "scenes/goldens/engine: 4 goldens",
     ]
     assert accepted() == {"box": [0, 1, 2, 3], "engine": [0, 1, 2, 3]}
@@ -349,6 +349,27 @@ def run_killed(place: int) -> bool:
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     assert code in (0, -signal.SIGKILL)
     return code != 0
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
+def test_an_interrupt_tells_which_films_are_accepted(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    change = GoldenFolder.change
+
+    def interrupted(folder: GoldenFolder, *arguments: Any) -> None:
+        if folder.path.name == "engine":
+            raise KeyboardInterrupt
+        change(folder, *arguments)
+
+    monkeypatch.setattr(GoldenFolder, "change", interrupted)
+    assert main.run(["golden", "scenes", "--accept", "report"]) == 130
+    assert capsys.readouterr().out.splitlines() == [
+        "box: 4 frames accepted",
+        "scenes/goldens/box: 4 goldens",
+        "interrupted: the goldens of 1 of 2 films are written; the same command writes the others",
+    ]
+    assert accepted() == {"box": [0, 1, 2, 3], "engine": []}
 
 
 def test_a_kill_at_any_operation_leaves_whole_goldens(compared: Path) -> None:

@@ -156,7 +156,8 @@ def test_what_cannot_be_compared_has_the_code_2(spoil: str, capsys: pytest.Captu
         "no record": "this scene has no goldens",
         "damaged": "frame-0002.png: the PNG file is cut off",
         "other format": "format 'hsplat golden 2'",
-        "no scene": "1 folder of goldens without a scene: scenes/goldens/engine",
+        "no scene": "scenes/goldens/engine: no scene has these goldens; hint: restore the scene, or remove the folder: "
+        "`git rm -r scenes/goldens/engine`, or `hsplat golden scenes --update --prune`",
         "a bad scene": "camera.path.frames",
     }[spoil]
     if spoil == "no goldens":
@@ -168,7 +169,6 @@ def test_what_cannot_be_compared_has_the_code_2(spoil: str, capsys: pytest.Captu
     elif spoil == "other format":
         edit_sidecar(ENGINE / "golden.json", lambda data: data.update(format="hsplat golden 2"))
     elif spoil == "no scene":
-        Path("scenes/golden.yaml").touch()
         Path("scenes/engine.yaml").unlink()
     else:
         edit_scene("frames: 4", "frames: none")

@@ -53,7 +53,7 @@ def test_the_first_goldens_are_the_frames_of_render(capsys: pytest.CaptureFixtur
     shutil.rmtree("scenes/goldens")
     assert main.run(["golden", "scenes"]) == 0
     captured = capsys.readouterr()
-    assert captured.out.splitlines()[-2:] == ["scenes/goldens/box: 4 goldens", "scenes/goldens/engine: 4 goldens"]
+    assert captured.out.splitlines()[1::2] == ["scenes/goldens/box: 4 goldens", "scenes/goldens/engine: 4 goldens"]
     assert "4/4 frames" in captured.err and "temporary" not in captured.err
     data = golden_json()
     assert list(data) == ["format", "origins", "flicker", "frames"]
@@ -244,6 +244,25 @@ def test_a_limit_that_neighbours_pass_is_named(capsys: pytest.CaptureFixture[str
     edit_scene(*reversed(CHANGE))
     assert main.run(["golden", *UPDATE]) == 0
     assert "would pass" not in capsys.readouterr().out
+
+
+def test_goldens_without_a_scene_are_pruned(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("scenes/engine.yaml").unlink()
+    (ENGINE / "notes.txt").touch()
+    before = files()
+    assert main.run(["golden", "scenes", "--update", "--yes"]) == 0
+    assert "note: no scene has the goldens in scenes/goldens/engine: --prune removes them" in capsys.readouterr().out
+    assert golden("scenes", "--update", "--prune") == 2, "nobody can be asked"
+    assert files() == before
+    capsys.readouterr()
+    assert main.run(["golden", "scenes", "--update", "--prune", "--yes"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "scenes/goldens/engine: 4 goldens removed, which no scene has",
+        "scenes/goldens/engine: removed",
+    ]
+    assert [path.name for path in ENGINE.iterdir()] == ["notes.txt"]
+    (ENGINE / "notes.txt").unlink()
+    assert compare() == 0
 
 
 # Refusals, before anything is drawn

@@ -95,11 +95,37 @@ def test_a_scene_that_is_named_alone_keeps_the_rules_of_its_project(monkeypatch:
     assert "not in the golden.yaml that lists the other scenes" in refusal(".")
 
 
-def test_goldens_without_a_scene_are_found_in_projects_with_a_file() -> None:
-    touch("a.yaml", "goldens/a/golden.json", "goldens/b/golden.json", "goldens/a/golden.ready/golden.json")
-    assert find_project(["."]).unused == []
-    project_file("")
-    assert find_project([]).unused == [Path("goldens/b")]
+@pytest.mark.parametrize(
+    ("places", "expected"),
+    [
+        (["s"], ["s/goldens/c"]),
+        (["s/*.yaml"], ["s/goldens/c"]),
+        (["s/a.yaml", "s/b.yaml"], ["s/goldens/c"]),
+        (["s/a.yaml"], []),
+        (["s/a.yaml", "t/d.yaml"], ["t/goldens/e"]),
+        (["t/d.yaml"], []),
+        (["s", "t"], ["s/goldens/c", "t/goldens/e"]),
+    ],
+)
+@pytest.mark.parametrize("is_listed", [False, True])
+def test_goldens_without_a_scene_are_found_where_all_scenes_are_named(
+    places: list[str], expected: list[str], is_listed: bool
+) -> None:
+    touch("s/a.yaml", "s/b.yaml", "t/d.yaml")
+    for name in ("s/goldens/a", "s/goldens/c", "s/goldens/a/golden.ready", "t/goldens/d", "t/goldens/e"):
+        touch(f"{name}/golden.json")
+    if is_listed:  # the goldens of the project are in the folder of the same name
+        project_file("scenes: ['*/*.yaml']\ngoldens: all\n")
+        for name in "st":
+            Path("all").mkdir(exist_ok=True)
+            Path(name, "goldens").rename(f"all/{name}")
+        expected = [f"all/{name.replace('goldens/', '')}" for name in expected]
+    assert [folder.path.as_posix() for folder in find_project(places).unused] == expected
+
+
+def test_goldens_in_a_folder_that_several_share_have_scenes_in_all_of_them() -> None:
+    touch("s/a.yaml", "t/b.yaml", "kept/a/golden.json", "kept/b/golden.json", "kept/c/golden.json")
+    assert [str(folder.path) for folder in find_project(["s", "t"], Path("kept")).unused] == ["kept/c"]
 
 
 def test_scenes_that_share_their_goldens_are_refused() -> None:

@@ -181,7 +181,7 @@ class _ReportedFilm:
         after = compact(GoldenRecord(tuple(origins), tuple(goldens[number] for number in sorted(goldens))))
         after = replace(after, flicker=self._flicker(before, after, frames))
         line = f"{self.film.name}: {counted(len(frames), 'frame')} accepted"
-        return GoldenUpdate(self.scene, before, after, contents, [line], asks=False)
+        return GoldenUpdate(folder, before, after, contents, [line], asks=False)
 
     @property
     def _where(self) -> str:

@@ -7,6 +7,7 @@ counts. Its files are then moved into place, and the folder is removed. After a 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 from collections.abc import Callable, Iterable, Mapping
@@ -101,13 +102,32 @@ class GoldenFolder:
         """
         with locked_files([self.path / GOLDEN_RECORD_FILE]):
             self._finish()
-            if self.find() != before:
-                hint = "run the command again"
-                raise InputError("another program has changed these goldens", where=str(self.path), hint=hint)
+            self._require(before)
             self._stage(after, contents)
             with deferrable_interrupts() as defer_interrupts:
                 defer_interrupts()
                 self._finish()
+
+    def remove(self, before: GoldenRecord) -> None:
+        """Remove golden.json and the pictures that it lists, and the folder, unless it has other files.
+
+        before: the content of golden.json that the removal was planned for. golden.json goes last: after a kill, it
+        still tells what is removed. Raises InputError if another program has changed the goldens.
+        """
+        with locked_files([self.path / GOLDEN_RECORD_FILE]):
+            self._finish()
+            self._require(before)
+            with translate_os_errors(self.path):
+                for name in [*before.files, GOLDEN_RECORD_FILE]:
+                    (self.path / name).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # other files are left in it
+            self.path.rmdir()
+
+    def _require(self, before: GoldenRecord | None) -> None:
+        """Raise InputError unless golden.json has the content that a change was planned for."""
+        if self.find() != before:
+            hint = "run the command again"
+            raise InputError("another program has changed these goldens", where=str(self.path), hint=hint)
 
     def _stage(self, record: GoldenRecord, contents: Mapping[str, Content]) -> None:
         """Write a change into the folder for changes that count."""

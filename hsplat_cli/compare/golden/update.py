@@ -13,7 +13,7 @@ from hsplat_cli.compare.difference import measure_difference
 from hsplat_cli.compare.frame_comparison import compare_frame
 from hsplat_cli.compare.golden.changes import changes_since
 from hsplat_cli.compare.golden.drawing import DrawnFrames, default_limit, drawn_frames, load_golden_job
-from hsplat_cli.compare.golden.golden_folder import Content
+from hsplat_cli.compare.golden.golden_folder import Content, GoldenFolder
 from hsplat_cli.compare.golden.project import GoldenScene, SceneRules
 from hsplat_cli.compare.golden.record import (
     MOST_PICTURES,
@@ -56,21 +56,26 @@ class GoldenOptions:
 class GoldenUpdate:
     """A change of the goldens of one scene.
 
-    before, after: the content of golden.json that the change was planned for, and the new one. contents: functions that
-    return the content of each new file. lines: the change, in words. asks: whether goldens are replaced or removed, so
-    that the user has to agree.
+    before, after: the content of golden.json that the change was planned for, and the new one; `after` is None if all
+    goldens are removed, as no scene has them. contents: functions that return the content of each new file. lines: the
+    change, in words. asks: whether goldens are replaced or removed, so that the user has to agree.
     """
 
-    scene: GoldenScene
+    folder: GoldenFolder
     before: GoldenRecord | None
-    after: GoldenRecord
+    after: GoldenRecord | None
     contents: Mapping[str, Content]
     lines: Sequence[str]
     asks: bool
 
-    def apply(self) -> None:
-        """Write the change."""
-        self.scene.folder.change(self.before, self.after, self.contents)
+    def apply(self) -> str:
+        """Write the change. Return a line on the goldens that there are now."""
+        if self.after is not None:
+            self.folder.change(self.before, self.after, self.contents)
+            return f"{self.folder.path}: {counted(len(self.after.frames), 'golden')}"
+        if self.before is not None:
+            self.folder.remove(self.before)
+        return f"{self.folder.path}: removed"
 
 
 def scenes_to_draw(scenes: Sequence[GoldenScene], options: GoldenOptions, reporter: Reporter) -> list[GoldenScene]:
@@ -114,7 +119,22 @@ def plan_update(
     if before == after and not merger.contents:
         return None
     lines = [*merger.lines(after), *_neighbour_lines(drawn, numbers, limit)]
-    return GoldenUpdate(scene, before, after, merger.contents, lines, merger.replaces)
+    return GoldenUpdate(scene.folder, before, after, merger.contents, lines, merger.replaces)
+
+
+def plan_removals(unused: Sequence[GoldenFolder], options: GoldenOptions, reporter: Reporter) -> list[GoldenUpdate]:
+    """Plan to remove the goldens that no scene has, if the options prune; else note each folder of an update."""
+    if not options.prunes:
+        for folder in unused if options.replaces else ():
+            reporter.note(f"no scene has the goldens in {folder.path}: --prune removes them")
+        return []
+    updates = []
+    for folder in unused:
+        before = folder.find()
+        if before is not None:
+            lines = [f"{folder.path}: {counted(len(before.frames), 'golden')} removed, which no scene has"]
+            updates.append(GoldenUpdate(folder, before, None, {}, lines, asks=True))
+    return updates
 
 
 def _frames(scene: GoldenScene, frames: str | None, before: GoldenRecord | None, job: FilmJob) -> list[int]:
@@ -299,14 +319,22 @@ def _neighbour_lines(drawn: DrawnFrames, frames: Sequence[int], limit: Limit) ->
 
 
 def update_goldens(updates: Sequence[GoldenUpdate], reporter: Reporter, ask: Callable[[], bool], *, yes: bool) -> bool:
-    """Show all changes, ask once if goldens are replaced, and write them. Return whether they were written."""
+    """Ask once whether goldens are replaced, if any are, with all changes; write them, and show each that is written.
+
+    Return whether they were written. A film's goldens are written as a whole, or not at all.
+    """
     asks = any(update.asks for update in updates) and not yes
-    for update in updates:
-        for line in update.lines:
-            (reporter.result if asks else reporter.line)(line)
+    for line in [line for update in updates for line in update.lines] if asks else ():
+        reporter.result(line)
     if asks and not ask():
         return False
-    for update in updates:
-        update.apply()
-        reporter.line(f"{update.scene.folder.path}: {counted(len(update.after.frames), 'golden')}")
+    for number, update in enumerate(updates):
+        try:
+            state = update.apply()
+        except KeyboardInterrupt:
+            told = f"interrupted: the goldens of {number} of {counted(len(updates), 'film')} are written"
+            reporter.result(f"{told}; the same command writes the others")
+            raise
+        for line in [*([] if asks else update.lines), state]:
+            reporter.line(line)
     return True
