@@ -96,7 +96,7 @@ def _files(
 
 def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter) -> list[ComparedFilm]:
     """Compare all scenes of a project, one after the other."""
-    project = find_project(request.places, request.goldens, request.rules)
+    project = find_project(request.places, request.goldens, replace(request.rules, frames=None))
     films = []
     for number, scene in enumerate(project.scenes):
         if len(project.scenes) > 1:

@@ -151,7 +151,7 @@ def _frame_data(frame: ComparedFrame, place: int, *, can_accept: bool) -> dict[s
         "status": frame.status,
         "why": printable(frame.why),
         "fails": not frame.passes,
-        "accepts": can_accept and not frame.passes and frame.frame is not None and bool(new),
+        "accepts": can_accept and not frame.passes and frame.frame is not None and (bool(new) or frame.is_gone),
         "number": frame.frame,
         "part": frame.part if frame.part_psnr is not None and frame.part_psnr < MOST_DB else None,
         "decibels": None if frame.part_psnr is None else round(frame.part_psnr, 1),

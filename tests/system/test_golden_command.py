@@ -56,7 +56,7 @@ def test_the_first_goldens_are_the_frames_of_render(capsys: pytest.CaptureFixtur
     assert captured.out.splitlines()[1::2] == ["scenes/goldens/box: 4 goldens", "scenes/goldens/engine: 4 goldens"]
     assert "4/4 frames" in captured.err and "temporary" not in captured.err
     data = golden_json()
-    assert list(data) == ["format", "origins", "flicker", "frames"]
+    assert list(data) == ["format", "origins", "selection", "flicker", "frames"]
     (origin,) = data["origins"]
     assert origin["volume"]["shape"] == [16, 16, 8]
     assert "file" not in origin["scene"]["output"]
@@ -180,6 +180,47 @@ def test_frames_of_an_option_are_updated_alone_and_others_pruned() -> None:
     assert golden(*UPDATE, "--frames", ":2", "--prune") == 0
     assert sorted(path.name for path in ENGINE.iterdir()) == [*NAMES[:2], "golden.json"]
     assert compare("scenes/engine.yaml") == 0
+
+
+def selection() -> object:
+    return golden_json()["selection"]
+
+
+def test_the_slice_of_golden_frames_is_recorded(capsys: pytest.CaptureFixture[str]) -> None:
+    assert selection() == ":"
+    assert golden(*UPDATE, "--frames", "1") == 0
+    assert selection() == ":", "a part of them was drawn again"
+    assert main.run(["golden", *UPDATE, "--frames", "::2", "--prune"]) == 0
+    assert "  frames ::2, in place of :" in capsys.readouterr().out.splitlines()
+    edit_scene("frames: 4", "frames: 6")
+    assert golden(*UPDATE) == 0
+    assert (selection(), [*frames()]) == ("::2", [0, 2, 4])
+    assert golden(*UPDATE, "--frames", ":3") == 0
+    assert (selection(), [*frames()]) == ("::2", [0, 1, 2, 4]), "not all frames of the slice before are drawn"
+    assert golden(*UPDATE, "--prune") == 0
+    assert (selection(), [*frames()]) == ("::2", [0, 2, 4])
+    assert golden(*UPDATE, "--frames", "0:") == 0
+    assert (selection(), [*frames()]) == ("0:", [0, 1, 2, 3, 4, 5]), "the option takes in all of them"
+    Path("scenes/golden.yaml").write_text("frames: 1\n")
+    assert golden("scenes", "--update", "--yes", "--prune") == 0
+    assert (selection(), [*frames()]) == ("1", [1])
+
+
+def test_an_update_after_a_partial_one_is_no_change_of_the_flicker_alone() -> None:
+    edit_sidecar(ENGINE / "golden.json", lambda data: data.pop("flicker"))
+    before = files()
+    assert golden("scenes", "--update") == 0
+    assert files() == before
+
+
+@pytest.mark.parametrize("arguments", [("--digests", "--limit", "45"), ("--digests", "--limit", "stated accuracy")])
+def test_digests_have_no_other_limit(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert golden(*UPDATE, *arguments) == 2
+    assert "digests have no limit but `same bytes`" in capsys.readouterr().err
+    assert golden(*UPDATE, "--digests") == 0
+    assert compare("scenes/engine.yaml", "--limit", "45") == 2
+    assert "hint: leave the limit out, or keep pictures by `pictures: files`" in capsys.readouterr().out
+    assert compare("scenes/engine.yaml", "--limit", "same bytes") == 0
 
 
 def test_an_update_is_of_the_golden_frames() -> None:

@@ -105,7 +105,7 @@ def test_a_film_whose_name_no_command_line_can_hold_is_shown_but_not_accepted() 
     assert "accepts" not in data["films"][0]["frames"][0]
 
 
-def test_frames_that_fail_with_a_number_and_a_new_picture_can_be_accepted() -> None:
+def test_frames_that_fail_with_a_number_and_a_new_picture_or_none_any_more_can_be_accepted() -> None:
     frames = [
         frame(0, 50.0, passes=True),
         frame(1),
@@ -115,7 +115,7 @@ def test_frames_that_fail_with_a_number_and_a_new_picture_can_be_accepted() -> N
         replace(frame(5), frame=None),
     ]
     _, data = page_of(film("engine", *frames))
-    assert [index for index, each in enumerate(data["films"][0]["frames"]) if each.get("accepts")] == [1, 4]
+    assert [index for index, each in enumerate(data["films"][0]["frames"]) if each.get("accepts")] == [1, 2, 4]
     _, data = page_of(replace(film("engine", *frames), scene=""))
     assert not any(each.get("accepts") for each in data["films"][0]["frames"])
 
@@ -143,8 +143,9 @@ def test_a_chart_needs_two_figures() -> None:
 def test_flicker_and_nearness_are_told() -> None:
     near = frame(1, nearer=Nearness(40.0, 50.0, differs=True))
     exact = frame(2, nearer=Nearness(200.0, 50.0, differs=True))
-    page, data = page_of(film("a", near, exact, flicker=Flickers(0.5, 1.25)))
-    assert "flicker: the goldens have 0.50 levels of 255, the new pictures 1.25" in page.prose
+    page, data = page_of(film("a", near, exact, flicker=Flickers(1.25, 0.5)))
+    assert "flicker: the goldens have 0.50 levels of 255, the new pictures have 1.25" in page.prose
+    assert "flicker: the new pictures have 1.25 levels" in page_of(film("a", near, flicker=Flickers(1.25)))[0].prose
     text = "nearer to the exact picture: the golden has 40.0 dB of the exact picture, the new one 50.0 dB"
     assert f"frame-0001.png: {text}" in page.prose and data["films"][0]["frames"][0]["nearer"] == text
     assert "further from the exact picture: the golden has 200 dB or more of the exact picture" in page.prose

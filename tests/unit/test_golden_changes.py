@@ -26,7 +26,7 @@ VOLUME = GoldenVolume("engine", "0" * 32, (2, 2, 2), "uint8")
 )  # fmt: skip
 def test_colours_are_hexadecimal(key: str, was: Any, now: Any, texts: tuple[str, str], folder: Path) -> None:
     old = Origin(VOLUME, "a device", {key: was}, {})
-    record = GoldenRecord((old,), (Golden(0, (GoldenPicture("0" * 32, 0),)),))
+    record = GoldenRecord((old,), (Golden(0, (GoldenPicture("0" * 32, 0),)),), ":")
     Path("scene.yaml").write_text("volume: x.nrrd\n", "utf-8")
     scene = {} if now is None else {key: now}
     (change,) = changes_since(record, record.frames, replace(old, scene=scene), Path("scene.yaml"))

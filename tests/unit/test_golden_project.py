@@ -63,16 +63,15 @@ def test_scenes_outside_of_this_folder(folder: Path, monkeypatch: pytest.MonkeyP
 def test_a_project_file_gives_scenes_goldens_and_rules() -> None:
     touch("scenes/a.yaml", "scenes/deep/b.yaml", "scenes/c.yaml", "other.yaml")
     project_file(
-        "scenes: ['scenes/**/*.yaml']\ngoldens: kept\nframes: 7\nlimit: 45\npictures: digests\n"
-        "each:\n  scenes/a.yaml: {limit: same bytes, frames: 0:10}\n  ./scenes/c.yaml: {pictures: files}\n"
+        "scenes: ['scenes/**/*.yaml']\ngoldens: kept\nframes: 7\nlimit: same bytes\npictures: digests\n"
+        "each:\n  scenes/a.yaml: {limit: 45, pictures: files}\n  ./scenes/c.yaml: {frames: 0:10}\n"
     )
     project = find_project([])
     rules = {scene.name: scene.rules for scene in project.scenes}
-    decibels = Limit("decibels", 45)
     assert rules == {
-        "scenes/a": SceneRules("0:10", Limit("same bytes"), "digests"),
-        "scenes/c": SceneRules("7", decibels, "files"),
-        "scenes/deep/b": SceneRules("7", decibels, "digests"),
+        "scenes/a": SceneRules("7", Limit("decibels", 45), "files"),
+        "scenes/c": SceneRules("0:10", Limit("same bytes"), "digests"),
+        "scenes/deep/b": SceneRules("7", Limit("same bytes"), "digests"),
     }
     assert goldens_of(".") == {name: f"kept/{name}" for name in rules}
     given = SceneRules(frames="1", limit=Limit("decibels", 20))
@@ -175,7 +174,10 @@ def test_places_without_scenes(places: list[str], error: str) -> None:
         ("goldens: kept/../..", "goldens: outside the project"),
         ("frames: all", "golden.yaml:1:9: frames: not a range of frames"),
         ("frames: 1.5", "frames: not a range of frames"),
+        ("frames: '::0'", "frames: not a range of frames"),
         ("limit: 450 dB", "limit: out of range"),
+        ("{limit: 45 dB, pictures: digests}", "golden.yaml:1:9: limit: digests have no limit but `same bytes`"),
+        ("each: {a.yaml: {limit: 45, pictures: digests}}", "each.a.yaml.limit: digests have no limit"),
         ("pictures: none", "pictures"),
         ("each: {b.yaml: {limit: 40}}", "each.b.yaml: no such scene in the project\n"),
         ("each: {a.yaml: {scenes: x}}", "each.a.yaml.scenes: unknown key"),

@@ -59,6 +59,15 @@ class GoldenFolder:
         except InputError:
             return False
 
+    def shown_digest(self, picture: GoldenPicture) -> str:
+        """Return the digest of the picture that a golden shows: of its file, or, without one, as golden.json has it.
+
+        Raises InputError if the file is damaged.
+        """
+        if picture.file is None or not self.file(picture.file).exists():
+            return picture.digest
+        return picture_digest(read_picture(self.file(picture.file)))
+
     def require_changeable(self, names: Iterable[str], inputs: Iterable[Path]) -> None:
         """Raise InputError or RenderError if files of these names cannot be written here, or are inputs of the scene.
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import glob
 import os
-import re
 import shlex
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,8 +26,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from hsplat_cli.compare.golden.golden_folder import GoldenFolder
-from hsplat_cli.compare.golden.record import GOLDEN_RECORD_FILE
-from hsplat_cli.compare.limit import LIMIT_FIELD, Limit
+from hsplat_cli.compare.golden.record import GOLDEN_RECORD_FILE, SLICE_FIELD
+from hsplat_cli.compare.limit import HINT_FOR_DIGESTS, LIMIT_FIELD, LIMIT_OF_DIGESTS, SAME_BYTES, Limit
 from hsplat_cli.compare.picture_file import file_content
 from renderer.errors import InputError, Problem
 from renderer.film import folder_files
@@ -56,29 +55,21 @@ _BELOW = f"a path below the folder of {PROJECT_FILE}"
 Pictures = Literal["files", "digests"]
 _PICTURES_FIELD: schema.FieldType[Pictures] = schema.choice_field("files", "digests")
 
-# A Python slice of frames, or the number of one.
-_FRAMES = re.compile(r"-?[0-9]{1,9}|(?:-?[0-9]{1,9})?:(?:-?[0-9]{1,9})?(?::[0-9]{0,9})?")
 
-
-def _parse_frames(node: schema.TreeNode) -> Any:
-    text = str(node.value) if type(node.value) is int else node.value
-    if not isinstance(text, str) or not _FRAMES.fullmatch(text.replace(" ", "")):
-        return node.reject("not a range of frames")
-    return text
-
-
-_FRAMES_FIELD: schema.FieldType[str] = schema.FieldType("a Python slice such as ::10, or one number", _parse_frames)
+def _check_limit(node: schema.TreeNode, given: dict[str, Any]) -> None:
+    if given.get("pictures") == "digests" and isinstance(given.get("limit"), Limit) and given["limit"] != SAME_BYTES:
+        node.child("limit").reject(LIMIT_OF_DIGESTS, got=str(given["limit"]), hint=HINT_FOR_DIGESTS)
 
 
 @dataclass(frozen=True)
 class SceneRules:
     """The rules for the goldens of a scene; None for a rule that is not given.
 
-    frames: a Python slice of the frames that `hsplat golden` stores first. limit: the largest difference that passes.
+    frames: a Python slice of the frames that should have goldens. limit: the largest difference that passes.
     pictures: how goldens are kept.
     """
 
-    frames: Annotated[str | None, _FRAMES_FIELD] = None
+    frames: Annotated[str | None, SLICE_FIELD] = None
     limit: Annotated[Limit | None, LIMIT_FIELD] = None
     pictures: Annotated[Pictures | None, _PICTURES_FIELD] = None
 
@@ -140,21 +131,24 @@ class _ProjectFile:
         tuple[str, ...] | None, schema.sequence_field(schema.TEXT_FIELD, "a list of scenes and patterns")
     ] = None
     goldens: str = _GOLDENS
-    frames: Annotated[str | None, _FRAMES_FIELD] = None
+    frames: Annotated[str | None, SLICE_FIELD] = None
     limit: Annotated[Limit | None, LIMIT_FIELD] = None
     pictures: Annotated[Pictures | None, _PICTURES_FIELD] = None
     each: Annotated[
         Mapping[str, SceneRules],
-        schema.mapping_field(schema.dataclass_field(SceneRules), "a mapping of scenes to their rules", "a scene"),
+        schema.mapping_field(
+            schema.dataclass_field(SceneRules, _check_limit), "a mapping of scenes to their rules", "a scene"
+        ),
     ] = field(default_factory=dict)
 
 
 def parse_rules(frames: str | None, limit: str | None, pictures: Pictures | None = None) -> SceneRules:
-    """Return the rules that options give. Raises SceneError for a wrong limit."""
+    """Return the rules that options give. Raises SceneError for a wrong limit, or a wrong range of frames."""
     problems: list[Problem] = []
+    picked = None if frames is None else schema.read_option(SLICE_FIELD, frames, "--frames", problems)
     found = None if limit is None else schema.read_option(LIMIT_FIELD, limit, f"--limit {limit}", problems)
     raise_problems(problems)
-    return SceneRules(frames, found, pictures)
+    return SceneRules(picked, found, pictures)
 
 
 def find_project(places: Sequence[str], goldens: Path | None = None, rules: SceneRules | None = None) -> GoldenProject:
@@ -304,7 +298,7 @@ def _read_project(path: Path, goldens: Path | None, rules: SceneRules) -> _Place
     tree = parse_yaml_file(file_content(path, MAX_SCENE_BYTES, f"a {PROJECT_FILE}"), path)
     problems: list[Problem] = []
     node = schema.TreeNode({} if tree.data is None else tree.data, "", problems)
-    read: Any = schema.dataclass_field(_ProjectFile).read(node)
+    read: Any = schema.dataclass_field(_ProjectFile, _check_limit).read(node)
     editor = TreeEditor(tree, path)
     raise_problems(editor.located_problems(problems))
     root = path.parent

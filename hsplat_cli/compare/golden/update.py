@@ -16,6 +16,7 @@ from hsplat_cli.compare.golden.drawing import DrawnFrames, default_limit, drawn_
 from hsplat_cli.compare.golden.golden_folder import Content, GoldenFolder
 from hsplat_cli.compare.golden.project import GoldenScene, SceneRules
 from hsplat_cli.compare.golden.record import (
+    ALL_FRAMES,
     MOST_PICTURES,
     Golden,
     GoldenPicture,
@@ -24,7 +25,7 @@ from hsplat_cli.compare.golden.record import (
     golden_file_name,
     picture_digest,
 )
-from hsplat_cli.compare.limit import SAME_BYTES, Limit
+from hsplat_cli.compare.limit import HINT_FOR_DIGESTS, LIMIT_OF_DIGESTS, SAME_BYTES, Limit
 from hsplat_cli.compare.picture_file import file_content, read_picture
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, format_table, parse_frames
@@ -108,15 +109,15 @@ def plan_update(
     before = scene.folder.find()
     scene.folder.unlisted(before)
     job = load_golden_job(SceneRequest(scene.file))
-    numbers = _frames(scene, frames, before, job)
+    numbers = _frames(scene, frames, before, job, prunes=options.prunes)
     names = {golden_file_name(frame, job.scene.num_frames) for frame in numbers} | (before.files if before else set())
     scene.folder.require_changeable(names, job.input_files())
-    limit = scene.rules.limit or default_limit(job)
+    limit = limit_of(scene, before, job)
     drawn = drawings.enter_context(drawn_frames(job, numbers, reporter))
     merger = _Merger(scene, before, drawn, job.scene.num_frames, options, limit)
     goldens = [merger.golden(frame) for frame in numbers]
-    after = merger.record(goldens)
-    if before == after and not merger.contents:
+    after = merger.record(goldens, _selection(scene, frames, before, job, numbers, prunes=options.prunes))
+    if before is not None and replace(after, flicker=before.flicker) == before and not merger.contents:
         return None
     lines = [*merger.lines(after), *_neighbour_lines(drawn, numbers, limit)]
     return GoldenUpdate(scene.folder, before, after, merger.contents, lines, merger.replaces)
@@ -137,12 +138,31 @@ def plan_removals(unused: Sequence[GoldenFolder], options: GoldenOptions, report
     return updates
 
 
-def _frames(scene: GoldenScene, frames: str | None, before: GoldenRecord | None, job: FilmJob) -> list[int]:
-    """Return the frames that are drawn: those of the option, or the golden ones and those of the project."""
+def limit_of(scene: GoldenScene, record: GoldenRecord | None, job: FilmJob) -> Limit:
+    """Return the limit of a scene. record: the content of golden.json; None for first goldens.
+
+    Raises InputError for another limit than `same bytes` where only digests are kept.
+    """
+    if keeps_files(scene.rules, record):
+        return scene.rules.limit or default_limit(job)
+    if scene.rules.limit not in (None, SAME_BYTES):
+        got = f"{scene.rules.limit}"
+        raise InputError(LIMIT_OF_DIGESTS, where=f"limit of {scene.name}", got=got, hint=HINT_FOR_DIGESTS)
+    return SAME_BYTES
+
+
+def _frames(
+    scene: GoldenScene, frames: str | None, before: GoldenRecord | None, job: FilmJob, *, prunes: bool
+) -> list[int]:
+    """Return the frames that are drawn: of the option, or all that should have goldens, and, unless others are pruned,
+    all that have some.
+    """
     if frames is not None or before is None:
-        return [*parse_frames(frames or scene.rules.frames, job.scene.num_frames, job.frames)]
+        return [*parse_frames(scene.rules.frames, job.scene.num_frames, job.frames)]
     there = frozenset(job.frames)
-    found = [golden.frame for golden in before.frames if golden.frame in there]
+    found = {*selected_frames(scene.rules, before, job)}
+    if not prunes:
+        found |= {golden.frame for golden in before.frames if golden.frame in there}
     if not found:
         raise InputError(
             "the scene has none of the frames that have goldens",
@@ -151,19 +171,43 @@ def _frames(scene: GoldenScene, frames: str | None, before: GoldenRecord | None,
             expected=f"frame {before.frames[0].frame}, or others listed in {scene.folder.path}",
             hint="--update --frames : --prune draws all frames anew",
         )
-    return sorted([*found, *frames_without_goldens(scene.rules.frames, before, job)])
+    return sorted(found)
 
 
-def frames_without_goldens(frames: str | None, record: GoldenRecord, job: FilmJob) -> list[int]:
-    """Return the frames of a project that have no golden. frames: those that golden.yaml names; None for none.
+def selected_frames(rules: SceneRules, record: GoldenRecord, job: FilmJob) -> list[int]:
+    """Return the frames of a film that should have goldens: those that golden.yaml names, or else golden.json.
 
-    Raises InputError if the scene has none of the frames.
+    Raises InputError if golden.yaml names frames, and the film has none of them.
     """
-    if frames is None:
-        return []
-    named = parse_frames(frames, job.scene.num_frames, job.frames)
-    golden = {each.frame for each in record.frames}
-    return [number for number in named if number not in golden]
+    there = frozenset(job.frames)
+    try:
+        picked = parse_frames(rules.frames or record.selection, job.scene.num_frames)
+    except InputError:
+        if rules.frames is not None:
+            raise
+        return []  # the film has become shorter
+    return [number for number in picked if number in there]
+
+
+def _selection(
+    scene: GoldenScene,
+    frames: str | None,
+    before: GoldenRecord | None,
+    job: FilmJob,
+    numbers: Sequence[int],
+    *,
+    prunes: bool,
+) -> str:
+    """Return the slice of frames that golden.json names from now on.
+
+    That of an option counts if it takes in more frames than the slice before, or if the others are pruned.
+    """
+    if before is None:
+        return scene.rules.frames or ALL_FRAMES
+    is_part = frames is not None and not prunes
+    if is_part and not set(numbers) > {*selected_frames(SceneRules(), before, job)}:
+        return before.selection
+    return scene.rules.frames or before.selection
 
 
 def keeps_files(rules: SceneRules, before: GoldenRecord | None) -> bool:
@@ -236,7 +280,7 @@ class _Merger:
         stated = None if golden.psnr is None or psnr is None else (golden.psnr, psnr)
         return compare_frame("", other, picture, self._limit, stated).passes
 
-    def record(self, goldens: Sequence[Golden]) -> GoldenRecord:
+    def record(self, goldens: Sequence[Golden], selection: str) -> GoldenRecord:
         """Return the new content of golden.json, with the goldens of frames that were not drawn."""
         drawn = {golden.frame for golden in goldens}
         rest = [golden for golden in self._before.frames if golden.frame not in drawn] if self._before else []
@@ -245,7 +289,7 @@ class _Merger:
             self._rows += [(golden_file_name(each.frame, self._num_frames), "removed") for each in rest]
         kept = [] if self._options.prunes else rest
         frames = tuple(sorted([*goldens, *kept], key=lambda golden: golden.frame))
-        return compact(GoldenRecord(tuple(self._origins), frames, None if kept else self._drawn.flicker))
+        return compact(GoldenRecord(tuple(self._origins), frames, selection, None if kept else self._drawn.flicker))
 
     def lines(self, after: GoldenRecord) -> list[str]:
         """Return the changes in words."""
@@ -256,6 +300,8 @@ class _Merger:
         found += [f"  {line}" for line in format_table(shown).splitlines()] if shown else []
         if len(self._rows) > len(shown):
             found.append(f"  and {len(self._rows) - len(shown)} more")
+        if after.selection != self._before.selection:
+            found.append(f"  frames {after.selection}, in place of {self._before.selection}")
         changes = [*changes_since(self._before, self._before.frames, self._drawn.origin, self._scene.file)]
         return [*found, *(f"  {change_text(change)}" for change in changes[:_MAX_NAMES])]
 
