@@ -195,7 +195,13 @@ def _chart(film: _PageFilm) -> Chart:
     limit = f"limit: {film.outcome.limit}"
     return Chart(
         _frame_axis(film),
-        Axis("PSNR in dB", low, same + _STEP_DB / 4, [*(Tick(at, f"{at:g}") for at in lines), Tick(same, "same")]),
+        # Below the lowest line is room for the bar of the frames that fail.
+        Axis(
+            "PSNR in dB",
+            low - _STEP_DB / 4,
+            same + _STEP_DB / 4,
+            [*(Tick(at, f"{at:g}") for at in lines), Tick(same, "same")],
+        ),
         [
             Curve("whole picture", points([frame.psnr for frame in frames]), "series-8", dash="4 3"),
             Curve(limit, points([frame.least for frame in frames]), "series-2"),

@@ -452,6 +452,6 @@ def test_a_job_that_a_change_starts_accepts_nothing(
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     if is_refused:
-        assert "goldens are not accepted in a job that a change starts" in refused(capsys, options=("--yes",))
+        assert "goldens do not change in a job that a change of the code starts" in refused(capsys, options=("--yes",))
     else:
         assert accept() == 0

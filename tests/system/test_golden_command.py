@@ -361,6 +361,20 @@ def test_a_place_where_nothing_can_be_written_is_found_before_drawing(monkeypatc
     assert golden("scenes/engine.yaml", "--goldens", "/proc") == 1
 
 
+def test_a_job_that_a_change_starts_replaces_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit_scene()
+    before = files()
+    monkeypatch.setenv("GITHUB_EVENT_NAME", "pull_request")
+    for option in ("--update", "--also"):
+        assert golden("scenes/engine.yaml", option, "--yes") == 2
+        assert f"{option}: goldens do not change in a job that" in capsys.readouterr().err
+    assert files() == before
+    monkeypatch.setenv("GITHUB_EVENT_NAME", "workflow_dispatch")
+    assert golden(*UPDATE) == 0
+
+
 # Interrupts
 
 

@@ -197,7 +197,7 @@ def test_why_nothing_is_accepted(scenes: Path) -> None:
         (("--golden-accept", "nowhere"), "", "nowhere: no such report"),
         ((*accept, "--golden-only", "scenes/engin"), "", "no such film fails in this report"),
         ((*accept, "--golden-only", "scenes/engine:9"), "", "these frames do not fail in this report"),
-        (accept, "pull_request", "goldens are not accepted in a job that a change starts"),
+        (accept, "pull_request", "goldens do not change in a job that a change of the code starts"),
     ):
         code, printed = run_pytest(scenes, *arguments, GITHUB_EVENT_NAME=event)
         assert code == 4 and error in printed and "Traceback" not in printed, printed

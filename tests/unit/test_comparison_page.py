@@ -120,6 +120,11 @@ def test_frames_that_fail_with_a_number_and_a_new_picture_or_none_any_more_can_b
     assert not any(each.get("accepts") for each in data["films"][0]["frames"])
 
 
+def test_the_bar_of_failing_frames_has_a_legend() -> None:
+    page, _ = page_of(film("a", frame(0, 50.0, passes=True), frame(1, 20.0)), film("b", frame(0, 50.0, passes=True)))
+    assert page.prose.count("At the bottom: frames that fail, those of them that you accept.") == 1
+
+
 def test_addresses_of_pictures_are_quoted() -> None:
     _, data = page_of(film("a", frame(1, old=picture("films/0/old/50% #1?.png"))))
     assert data["films"][0]["frames"][0]["old"] == "films/0/old/50%25%20%231%3F.png"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +20,7 @@ from hsplat_cli.compare.golden.record import (
     golden_file_name,
     picture_digest,
 )
-from hsplat_cli.compare.golden.update import GoldenUpdate, compact, keeps_files, with_picture
+from hsplat_cli.compare.golden.update import GoldenUpdate, compact, keeps_files, require_person, with_picture
 from hsplat_cli.compare.golden.value_text import changed_value
 from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame, ReportPicture
 from hsplat_cli.compare.picture_file import decode_picture
@@ -31,14 +30,6 @@ from renderer.errors import InputError
 from renderer.job import FilmJob
 from renderer.scene import MAX_FRAMES, counted, did_you_mean, first_few
 
-# The events by which GitHub and GitLab start a job for a change of the code.
-_EVENTS_OF_CHANGES = (
-    "push",
-    "pull_request",
-    "pull_request_target",
-    "merge_group",
-    "merge_request_event",
-)
 # The remedy where a film has none of the frames of its goldens any more.
 _HINT_FOR_REMOVALS = "`hsplat golden --update --prune` draws the film's own frames, and removes the others"
 # A run of frames in `--only`: `7`, or `12-18`.
@@ -83,7 +74,7 @@ def plan_acceptance(
     Raises InputError if a scene, its volume or its goldens are not those that were compared, if a report was edited,
     if there is nothing to accept, or if the job compares. Frames that were accepted before are left out.
     """
-    _require_person()
+    require_person("--accept")
     reported = [(source, film) for source in sources for film in read_report(source).films]
     where = f"{sources[0].path} and {len(sources) - 1} more" if len(sources) > 1 else str(sources[0].path)
     failing = dict[str, tuple[ReportSource, ComparedFilm]]()
@@ -128,23 +119,6 @@ def _nothing_fails(films: Sequence[ComparedFilm], where: str) -> InputError:
         got=first_few(errors, between="; "),
         hint="mend that, and compare again; `hsplat golden` draws the first goldens of a scene",
     )
-
-
-def _require_person() -> None:
-    """Raise InputError in a job of GitHub or GitLab that a change of the code started: such jobs compare.
-
-    People decide which pictures become golden. They start a job that accepts by hand.
-    """
-    event = os.environ.get("GITHUB_EVENT_NAME", "")
-    if os.environ.get("CI_JOB_MANUAL") != "true":
-        event = event or os.environ.get("CI_PIPELINE_SOURCE", "")
-    if event in _EVENTS_OF_CHANGES:
-        raise InputError(
-            "goldens are not accepted in a job that a change starts",
-            where="--accept",
-            got=f"a job that `{event}` started",
-            expected="a job that a person starts, such as by workflow_dispatch",
-        )
 
 
 def _by_film(decisions: Sequence[Decision]) -> dict[str, frozenset[int] | None]:

@@ -27,7 +27,7 @@ from hsplat_cli.compare.golden.record import (
 from hsplat_cli.compare.golden.update import limit_of, selected_frames
 from hsplat_cli.compare.limit import SAME_BYTES, Limit
 from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame, Flickers, ReportPicture
-from hsplat_cli.compare.picture_file import decode_picture, file_content
+from hsplat_cli.compare.picture_file import decode_picture, file_content, read_picture
 from hsplat_cli.compare.report_folder import PictureStore
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, parse_frames
@@ -50,6 +50,7 @@ def compare_scene(
     """
     folder = scene.folder
     record = folder.find()
+    others = folder.unlisted(record)
     if record is None:
         raise InputError(
             "this scene has no goldens",
@@ -57,7 +58,6 @@ def compare_scene(
             expected=str(folder.path),
             hint="`hsplat golden` draws and keeps them",
         )
-    others = folder.unlisted(record)
     job = load_golden_job(request)
     limit = limit_of(scene, record, job)
     goldens, new = _selected(scene, record, request.frames, job)
@@ -170,7 +170,7 @@ class _Comparer:
         path = self.folder.file(golden.file)
         if not path.exists():
             return ComparedFrame(name, "missing", f"{golden.file} is missing, which golden.json lists")
-        picture = decode_picture(file_content(path), path)
+        picture = self.folder.picture(golden.file)
         both = None if golden.psnr is None or stated is None else (golden.psnr, stated)
         frame = compare_frame(name, picture, actual, self.limit, both)
         if picture_digest(picture) != golden.digest:
@@ -198,9 +198,7 @@ class _Comparer:
         file = None if golden is None else golden.pictures[frame.golden - 1].file
         if file is None or frame.part_psnr is None:
             return None
-        paths = self.folder.file(file), self.drawn.files[frame.frame]
-        old, new = (decode_picture(file_content(path), path) for path in paths)
-        return old, new
+        return self.folder.picture(file), read_picture(self.drawn.files[frame.frame])
 
 
 def _with_nearness(film: ComparedFilm, job: FilmJob, comparer: _Comparer) -> ComparedFilm:

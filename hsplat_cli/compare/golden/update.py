@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -34,6 +35,14 @@ from renderer.film import Pixels
 from renderer.job import FilmJob
 from renderer.scene import counted, first_few
 
+# The events by which GitHub and GitLab start a job for a change of the code.
+_EVENTS_OF_CHANGES = (
+    "push",
+    "pull_request",
+    "pull_request_target",
+    "merge_group",
+    "merge_request_event",
+)
 # The largest number of changed goldens that the terminal lists.
 _MAX_LINES = 20
 # The largest number of frames that a line names.
@@ -79,12 +88,31 @@ class GoldenUpdate:
         return f"{self.folder.path}: removed"
 
 
+def require_person(option: str) -> None:
+    """Raise InputError in a job of GitHub or GitLab that a change of the code started: such jobs compare.
+
+    People decide which pictures become golden. They start a job that changes goldens by hand. option: the option that
+    asks for it.
+    """
+    event = os.environ.get("GITHUB_EVENT_NAME", "")
+    if os.environ.get("CI_JOB_MANUAL") != "true":
+        event = event or os.environ.get("CI_PIPELINE_SOURCE", "")
+    if event in _EVENTS_OF_CHANGES:
+        raise InputError(
+            "goldens do not change in a job that a change of the code starts",
+            where=option,
+            got=f"a job that `{event}` started",
+            expected="a job that a person starts, such as by workflow_dispatch",
+        )
+
+
 def scenes_to_draw(scenes: Sequence[GoldenScene], options: GoldenOptions, reporter: Reporter) -> list[GoldenScene]:
     """Return the scenes whose goldens are drawn: without `--update` or `--also`, those that have none.
 
     Raises InputError if all have goldens, and none of the options says what becomes of them.
     """
     if options.replaces or options.also:
+        require_person("--update" if options.replaces else "--also")
         return [*scenes]
     found = [scene for scene in scenes if scene.folder.find() is None]
     if not found:
@@ -275,7 +303,7 @@ class _Merger:
         """Return whether a drawn picture passes as a golden of the frame."""
         if golden.file is None or not self._scene.folder.holds(golden):
             return False
-        other = read_picture(self._scene.folder.file(golden.file))
+        other = self._scene.folder.picture(golden.file)
         psnr = self._drawn.psnr.get(frame)
         stated = None if golden.psnr is None or psnr is None else (golden.psnr, psnr)
         return compare_frame("", other, picture, self._limit, stated).passes
@@ -321,7 +349,7 @@ class _Merger:
         if old.file is None or not self._scene.folder.holds(old):
             self._rows.append((name, "other stored values"))
             return
-        pictures = read_picture(self._scene.folder.file(old.file)), read_picture(self._drawn.files[frame])
+        pictures = self._scene.folder.picture(old.file), read_picture(self._drawn.files[frame])
         self._rows.append((name, compare_frame(name, *pictures, SAME_BYTES).why.partition(";")[0]))
 
 
