@@ -35,6 +35,8 @@ _STEP_DB = 20.0
 _MOST_TICKS = 12
 # A colour in the text of a changed value.
 _COLOR = re.compile(r"(#[0-9a-f]{6})\b")
+# The words for keys that no scene has.
+_KEYS = {"volume.fingerprint": "digest of the volume's voxels"}
 # The words and marks of verdicts; the mark says the same as the colour.
 _MARKS = {"not compared": "!", "fails": "✗", "passes": "✓"}
 
@@ -73,7 +75,7 @@ class _PageFilm:
     def changes(self) -> list[tuple[str, int, list[str], list[str]]]:
         """Return key, line, old and new value of each change; in the pieces of values, each second one is a colour."""
         return [
-            (change.key, change.line, _COLOR.split(change.was), _COLOR.split(change.now))
+            (_KEYS.get(change.key, change.key), change.line, _COLOR.split(change.was), _COLOR.split(change.now))
             for change in self.outcome.changes
         ]
 

@@ -150,6 +150,19 @@ def test_a_removed_frame_is_accepted_alone() -> None:
     assert (code, statuses(films["engine"])[3]) == (1, "new"), "golden.json asks for all frames"
 
 
+def test_the_last_golden_is_not_removed_by_accepting(capsys: pytest.CaptureFixture[str]) -> None:
+    assert golden("scenes/engine.yaml", "--update", "--yes", "--frames", "3", "--prune") == 0
+    Path("scenes/golden.yaml").write_text("scenes: [engine.yaml]\nframes: 0\n")
+    edit_scene("frames: 4", "frames: 3")
+    shutil.rmtree("scenes/goldens/box")
+    code, films = report()
+    assert (code, statuses(films["engine"])) == (1, ["new", "missing"])
+    assert golden("scenes", "--accept", "report", "--only", "engine:3") == 2
+    assert "no golden of this film would be left" in capsys.readouterr().err
+    assert golden("scenes", "--accept", "report") == 0
+    assert [each["frame"] for each in golden_json()["frames"]] == [0]
+
+
 def test_more_frames_fail() -> None:
     edit_scene("frames: 4", "frames: 6")
     code, films = report()

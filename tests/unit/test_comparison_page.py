@@ -158,7 +158,9 @@ def test_flicker_and_nearness_are_told() -> None:
 
 def test_changes_show_colours_with_a_swatch_and_say_what_is_not_there() -> None:
     changes = (Change("points.0.color", "#ffa500", "#008080", 4), Change("light", "", "1"), Change("title", "1", ""))
-    page, _ = page_of(film("a", frame(1), changes=changes))
+    voxels = Change("volume.fingerprint", "0" * 32, "1" * 32)
+    page, _ = page_of(film("a", frame(1), changes=(*changes, voxels)))
+    assert "digest of the volume's voxels" in page.prose
     swatches = [value for value in page.values("style") if value.startswith("background: #")]
     assert swatches == ["background: #ffa500", "background: #008080"]
     assert "not there" in page.words and "gone" in page.words
