@@ -122,6 +122,11 @@ def test_goldens_without_a_scene_are_found_where_all_scenes_are_named(
     assert [folder.path.as_posix() for folder in find_project(places).unused] == expected
 
 
+def test_goldens_of_a_sidecar_have_a_scene() -> None:
+    touch("a.yaml", "film.mp4.json", "goldens/a/golden.json", "goldens/film.mp4/golden.json", "goldens/b/golden.json")
+    assert [str(folder.path) for folder in find_project(["."]).unused] == ["goldens/b"]
+
+
 def test_goldens_in_a_folder_that_several_share_have_scenes_in_all_of_them() -> None:
     touch("s/a.yaml", "t/b.yaml", "kept/a/golden.json", "kept/b/golden.json", "kept/c/golden.json")
     assert [str(folder.path) for folder in find_project(["s", "t"], Path("kept")).unused] == ["kept/c"]

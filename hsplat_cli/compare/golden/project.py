@@ -354,7 +354,8 @@ def _unknown_scenes(rules: Mapping[Path, str], files: Sequence[Path], root: Path
 def _unused(places: Sequence[_Place], found: Mapping[Path, GoldenScene]) -> Iterator[GoldenFolder]:
     """Yield the folders with a golden.json that belong to no scene, below goldens of which all scenes are named.
 
-    found: the scenes that are named, by their files.
+    Goldens of a sidecar, which is a scene only where it is named, are left out. found: the scenes that are named, by
+    their files.
     """
     used = {scene.folder.path.resolve() for scene in found.values()}
     distinct = {(place.root, place.goldens): place for place in places}
@@ -364,9 +365,13 @@ def _unused(places: Sequence[_Place], found: Mapping[Path, GoldenScene]) -> Iter
     for goldens in dict.fromkeys(place.goldens for place in distinct.values()):
         if goldens in partial or not goldens.is_dir():
             continue
+        roots = [place.root for place in distinct.values() if place.goldens == goldens]
         for record in sorted(goldens.rglob(GOLDEN_RECORD_FILE)):
-            if record.parent.resolve() not in used and not record.parent.name.startswith("golden."):
-                yield GoldenFolder(record.parent)
+            folder = record.parent
+            sidecars = [root / f"{folder.relative_to(goldens)}{_SIDECAR_SUFFIX}" for root in roots]
+            is_used = folder.resolve() in used or any(sidecar.exists() for sidecar in sidecars)
+            if not is_used and not folder.name.startswith("golden."):
+                yield GoldenFolder(folder)
 
 
 def unused_error(unused: GoldenFolder, arguments: Sequence[str]) -> InputError:
