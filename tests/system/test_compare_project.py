@@ -93,6 +93,9 @@ def test_the_nearer_picture_is_named_where_the_scene_is_the_same(capsys: pytest.
         assert f"{frame['name']}: nearer to the exact picture" in out
     edit_scene("tolerance: 0.1", "tolerance: 0.2")
     _, films = report()
+    assert any("nearer" in frame for frame in films["engine"]["frames"]), "the exact picture is the same"
+    edit_scene()
+    _, films = report()
     assert set(statuses(films["engine"])) == {"different"}
     assert not any("nearer" in frame for frame in films["engine"]["frames"]), "goldens show another scene"
 

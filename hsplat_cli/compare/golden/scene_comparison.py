@@ -36,6 +36,8 @@ from renderer.film import Pixels
 from renderer.job import FilmJob
 from renderer.scene import first_few
 
+# The beginnings of the keys of a scene that decide how exactly it is drawn: the exact picture does not depend on them.
+_PRECISION = ("scene.error.", "scene.splat.", "scene.pyramid.")
 # The most frames of a film whose nearness to the exact picture is measured: the worst ones.
 _MOST_NEARNESS = 3
 
@@ -185,11 +187,12 @@ class _Comparer:
         return ComparedFrame(name, "different", "other stored values than those of the golden's digest")
 
     def shows_same_scene(self, frame: ComparedFrame) -> bool:
-        """Return whether the golden of a frame was drawn from the scene and the volume as they are now."""
+        """Return whether the golden of a frame shows the scene and the volume as they are now, however exactly."""
         golden = None if frame.frame is None else self.record.of_frame(frame.frame)
         if golden is None:
             return False
-        return not self.record.origins[golden.pictures[frame.golden - 1].origin].changes(self.drawn.origin)
+        origin = self.record.origins[golden.pictures[frame.golden - 1].origin]
+        return all(path.startswith(_PRECISION) for path, _, _ in origin.changes(self.drawn.origin))
 
     def pictures(self, frame: ComparedFrame) -> tuple[Pixels, Pixels] | None:
         """Return the golden and the new picture of a frame; None unless both are of one size and known."""
@@ -204,7 +207,8 @@ class _Comparer:
 def _with_nearness(film: ComparedFilm, job: FilmJob, comparer: _Comparer) -> ComparedFilm:
     """Return the outcome of a film that fails, with the nearness of its worst frames to the exact pictures.
 
-    It is left out where scene or volume changed: the exact picture is the new scene's, which the golden never showed.
+    It is left out where volume or scene changed, but for its precision: the exact picture is the new scene's, which the
+    golden never showed.
     """
     different = [frame for frame in film.failing if frame.status == "different"]
     chosen = [frame for frame in different if comparer.shows_same_scene(frame)][:_MOST_NEARNESS]
