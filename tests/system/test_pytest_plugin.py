@@ -205,6 +205,7 @@ def test_why_nothing_is_accepted(scenes: Path) -> None:
     assert run_pytest(scenes, *accept, GITHUB_EVENT_NAME="workflow_dispatch")[0] == 0
 
 
+@pytest.mark.slow
 def test_several_processes_accept_once(scenes: Path) -> None:
     edit_scene()
     edit_scene(name="box")
@@ -233,6 +234,7 @@ def test_it_costs_nothing_before_it_is_used(folder: Path) -> None:
     assert loaded[1] == [0, [], ["hsplat_cli", "hsplat_cli.compare", PLUGIN]]
 
 
+@pytest.mark.slow
 def test_an_installed_plugin_may_be_named_again(pictures: Path) -> None:
     """A conftest.py or `-p` names the plugin although hsplat is installed."""
     info = pictures / "hsplat-1.dist-info"

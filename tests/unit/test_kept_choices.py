@@ -123,8 +123,10 @@ def test_a_damaged_part_is_read_again(store: Path, tmp_path: Path) -> None:
         assert chosen(scene_of(store, -50)) == plain
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("store", [False], indirect=True)
-def test_two_processes_at_once_choose_the_same(store: Path, tmp_path: Path) -> None:
+def test_two_processes_at_once_choose_the_same(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(Path(__file__).parents[2])  # where the processes find this module
     cameras = (20.0, -50.0)
     plain = [chosen_in(None, str(store), elevation) for elevation in cameras]
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn"), initializer=few_rays) as processes:
@@ -136,6 +138,7 @@ def few_rays() -> None:
     pytest.MonkeyPatch().setattr("renderer.resolve.level_errors._NUM_CELLS", 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("store", [False], indirect=True)
 def test_pictures_are_the_same_with_and_without_the_cache(store: Path, tmp_path: Path) -> None:
     scenes = [scene_of(store), scene_of(store, -50)]

@@ -94,6 +94,7 @@ def test_a_smooth_field_takes_a_coarse_level_and_a_rough_one_the_finest(tmp_path
     assert finest.number == 0 and finest.num_measured == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize("field", [smooth, rough])
 def test_the_error_is_that_of_whole_exact_pictures(tmp_path: Path, field: Any) -> None:
