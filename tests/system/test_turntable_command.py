@@ -238,6 +238,7 @@ def test_a_film_that_ends_its_process_fails_alone(folder, processes, num, monkey
     assert {Path("out", f"{name}.mp4").exists() for name in ("a", "labels", "uint8", "b")} == {True}
 
 
+@pytest.mark.slow
 def test_several_processes_make_the_same_films_and_print_the_same(processes, monkeypatch, capfd) -> None:
     """The second volume, of which nothing can be made, fails long before the first film is made."""
     np.save("in/broken.npy", np.zeros(3))
@@ -304,6 +305,7 @@ def test_an_interrupt_ends_all_films_that_are_made() -> None:
     assert [line.split()[1] for line in out.splitlines()[-4:]] == ["interrupted", "interrupted", "not", "not"]
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
     """Only the parent gets the signal, while the second film is made: the process of the film ends, too.
 

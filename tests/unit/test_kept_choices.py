@@ -86,6 +86,7 @@ def chosen_in(cache: Path | None, place: str, elevation: float) -> LevelChoice:
         return chosen(scene_of(place, elevation))
 
 
+@pytest.mark.slow
 def test_no_chunk_is_asked_for_twice_by_films_of_other_cameras_and_looks(store: Path, tmp_path: Path) -> None:
     with served_folder(store.parent) as server, caching_in(tmp_path / "cache"):
         url, found, counts = f"{server.url}/a", list[LevelChoice](), list[int]()
