@@ -25,7 +25,7 @@ from renderer.errors import HsplatError
 @click.option(
     "--report", type=OutputPath(), metavar="FOLDER", help="Write a page, the pictures that fail, and files for CI."
 )
-@click.option("--frames", metavar="A:B:STEP", help="Compare only these goldens, as a Python slice: ::10, 7, -1.")
+@click.option("--frames", metavar="A:B:STEP", help="Compare only these frames, as a Python slice: ::10, 7, -1.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of all scenes.")
 @click.option("--volume", type=VolumePath(), metavar="FILE", help="Take the volume of all scenes from this file.")
 @quiet_option(help="Print nothing unless a frame fails.")
@@ -43,7 +43,7 @@ def compare(
     """Compare frames with golden ones; exit with 1 where they differ.
 
     The goldens of scenes are drawn again. Without arguments, the scenes are those of golden.yaml in this folder. The
-    exit code is 2 if a scene cannot be compared, or has no goldens.
+    exit code is 2 if a scene cannot be compared or has no goldens, or if goldens have no scene.
 
     Two sets of existing pictures can be compared, too: hsplat compare GOLDEN ACTUAL. Each is a PNG picture, a folder of
     them, a template such as frames/{frame:04}.png, or a film.

@@ -24,7 +24,7 @@ from renderer.errors import InputError
 @click.option("--digests", is_flag=True, help="Keep digests in golden.json alone, and no pictures.")
 @click.option("--update", is_flag=True, help="Show the changes, and replace goldens.")
 @click.option("--also", is_flag=True, help="Keep the pictures of this machine beside others, where they differ.")
-@click.option("--prune", is_flag=True, help="With --update: remove goldens of frames that are not drawn.")
+@click.option("--prune", is_flag=True, help="With --update: remove goldens that no drawn frame, or no scene, has.")
 @click.option(
     "--accept", "report", type=FILE, metavar="REPORT", help="Draw nothing: take the new pictures of a report."
 )
@@ -66,6 +66,7 @@ def golden(
         parse_decision,
         parse_rules,
         plan_acceptance,
+        plan_removals,
         plan_update,
         scenes_to_draw,
         update_goldens,
@@ -82,6 +83,7 @@ def golden(
             drawn = scenes_to_draw(project.scenes, wanted, reporter)
             planned = [plan_update(each, frames, wanted, reporter, sources) for each in drawn]
             updates = [each for each in planned if each is not None]
+            updates += plan_removals(project.unused, wanted, reporter)
         if not updates:
             reporter.line("nothing changes")
         elif not update_goldens(updates, reporter, lambda: _confirm(reporter), yes=yes):

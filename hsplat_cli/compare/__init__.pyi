@@ -17,6 +17,7 @@ from .golden.project import SceneRules as SceneRules, find_project as find_proje
 from .golden.update import (
     GoldenOptions as GoldenOptions,
     GoldenUpdate as GoldenUpdate,
+    plan_removals as plan_removals,
     plan_update as plan_update,
     scenes_to_draw as scenes_to_draw,
     update_goldens as update_goldens,
@@ -28,7 +29,7 @@ from .terminal_text import comparison_text as comparison_text
 from .testing import (
     accept_goldens as accept_goldens,
     require_match as require_match,
-    scene_files as scene_files,
+    tested_scenes as tested_scenes,
 )
 
 # isort: split

@@ -153,6 +153,8 @@ def _findings_of(film: ComparedFilm) -> Iterator[_Finding]:
 
 def change_text(change: Change) -> str:
     """Return a change in words: `error.tolerance was 0.1, is 0.2`."""
+    if change.key == "volume.fingerprint":
+        return "the voxels of the volume changed"
     return f"{change.key} was {change.was or 'not there'}, is {change.now or 'gone'}"
 
 

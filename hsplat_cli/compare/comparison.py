@@ -96,7 +96,7 @@ def _files(
 
 def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter) -> list[ComparedFilm]:
     """Compare all scenes of a project, one after the other."""
-    project = find_project(request.places, request.goldens, request.rules)
+    project = find_project(request.places, request.goldens, replace(request.rules, frames=None))
     films = []
     for number, scene in enumerate(project.scenes):
         if len(project.scenes) > 1:
@@ -114,7 +114,7 @@ def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter
                 mistakes=tuple(_mistakes(error, scene.file)),
             )  # fmt: skip
         films.append(film)
-    return [*films, *_unused(project)]
+    return [*films, *_unused(project, _arguments(request))]
 
 
 def _place(path: Path) -> str:
@@ -139,8 +139,8 @@ def _in_one_line(text: str) -> str:
     return "; ".join(line.strip() for line in text.splitlines() if not line.strip().startswith("|"))
 
 
-def _unused(project: GoldenProject) -> list[ComparedFilm]:
-    """Return an outcome for the goldens that no scene of the project has: a scene was renamed, or removed."""
-    if not project.unused:
-        return []
-    return [ComparedFilm("goldens without a scene", str(SAME_BYTES), error=unused_error(project.unused))]
+def _unused(project: GoldenProject, arguments: Sequence[str]) -> Iterator[ComparedFilm]:
+    """Yield an outcome for the goldens that no scene of the project has: a scene was renamed, or removed."""
+    for folder in project.unused:
+        error = error_line(unused_error(folder, arguments))
+        yield ComparedFilm(_place(folder.path), str(SAME_BYTES), goldens=_place(folder.path), error=error)

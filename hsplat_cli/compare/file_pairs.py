@@ -49,7 +49,7 @@ _EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two fil
 # The suffixes of scenes, which a folder of pictures lacks.
 _SCENE_SUFFIXES = (".yaml", ".yml")
 # A number in the name of a frame.
-_NUMBER = re.compile("[0-9]{1,9}")
+_DIGITS = re.compile("[0-9]{1,9}")
 # Largest number of unreadable frames that a message lists.
 _MAX_ERRORS_SHOWN = 10
 
@@ -91,7 +91,7 @@ def compare_files(golden: Path, actual: Path, limit: Limit, store: PictureStore,
         frames = list[ComparedFrame]()
         for name, old, new in pairs.pairs:
             frame, file = compare_frame(name, old, new, limit), f"{len(frames):04}.png"
-            number = _NUMBER.findall(name)
+            number = _DIGITS.findall(name)
             frames.append(
                 replace(
                     frame,

@@ -67,6 +67,9 @@ class Limit:
 
 
 SAME_BYTES = Limit("same bytes")
+# The mistake of another limit of golden digests, and its remedy.
+LIMIT_OF_DIGESTS = "digests have no limit but `same bytes`"
+HINT_FOR_DIGESTS = "leave the limit out, or keep pictures by `pictures: files`"
 
 
 def _parse(node: schema.TreeNode) -> Any:

@@ -89,6 +89,11 @@ class ComparedFrame:
         return self.status in _PASSES
 
     @property
+    def is_gone(self) -> bool:
+        """Return whether the film does not have this frame any more: accepting that removes its golden."""
+        return self.status == "missing" and self.new is None
+
+    @property
     def rank(self) -> tuple[bool, float]:
         """Return a sort key, worst first: failing frames before passing ones, then by the PSNR of the worst part."""
         return self.passes, -1.0 if self.part_psnr is None else self.part_psnr
@@ -118,10 +123,10 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Flickers:
-    """The flicker of the goldens and of the new pictures, in levels of 8 bits, 0 to 255."""
+    """The flicker of the new pictures, and of the goldens if it is known, in levels of 8 bits, 0 to 255."""
 
-    old: Annotated[float, types.AMOUNT]
     new: Annotated[float, types.AMOUNT]
+    old: Annotated[float | None, types.AMOUNT] = None
 
 
 @dataclass(frozen=True)
@@ -133,7 +138,7 @@ class ComparedFilm:
     error: why it was not compared. mistakes: those of the scene, if they are the reason. changes: the keys in which
     scene, volume, device and versions differ from those of the goldens. notes: notes for the user. outdated: goldens
     that nothing matches any more. origin: what drew the new frames. frames_per_second: the rate of the scene's film, if
-    it is known. flicker: between neighbouring frames, if both pictures of them are known. frames: the frames, in their
+    it is known. flicker: between neighbouring frames, if they were drawn. frames: the frames, in their
     order.
     """
 

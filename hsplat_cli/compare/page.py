@@ -35,6 +35,8 @@ _STEP_DB = 20.0
 _MOST_TICKS = 12
 # A colour in the text of a changed value.
 _COLOR = re.compile(r"(#[0-9a-f]{6})\b")
+# The words for keys that no scene has.
+_KEYS = {"volume.fingerprint": "digest of the volume's voxels"}
 # The words and marks of verdicts; the mark says the same as the colour.
 _MARKS = {"not compared": "!", "fails": "✗", "passes": "✓"}
 
@@ -73,7 +75,7 @@ class _PageFilm:
     def changes(self) -> list[tuple[str, int, list[str], list[str]]]:
         """Return key, line, old and new value of each change; in the pieces of values, each second one is a colour."""
         return [
-            (change.key, change.line, _COLOR.split(change.was), _COLOR.split(change.now))
+            (_KEYS.get(change.key, change.key), change.line, _COLOR.split(change.was), _COLOR.split(change.now))
             for change in self.outcome.changes
         ]
 
@@ -151,7 +153,7 @@ def _frame_data(frame: ComparedFrame, place: int, *, can_accept: bool) -> dict[s
         "status": frame.status,
         "why": printable(frame.why),
         "fails": not frame.passes,
-        "accepts": can_accept and not frame.passes and frame.frame is not None and bool(new),
+        "accepts": can_accept and not frame.passes and frame.frame is not None and (bool(new) or frame.is_gone),
         "number": frame.frame,
         "part": frame.part if frame.part_psnr is not None and frame.part_psnr < MOST_DB else None,
         "decibels": None if frame.part_psnr is None else round(frame.part_psnr, 1),
@@ -195,7 +197,13 @@ def _chart(film: _PageFilm) -> Chart:
     limit = f"limit: {film.outcome.limit}"
     return Chart(
         _frame_axis(film),
-        Axis("PSNR in dB", low, same + _STEP_DB / 4, [*(Tick(at, f"{at:g}") for at in lines), Tick(same, "same")]),
+        # Below the lowest line is room for the bar of the frames that fail.
+        Axis(
+            "PSNR in dB",
+            low - _STEP_DB / 4,
+            same + _STEP_DB / 4,
+            [*(Tick(at, f"{at:g}") for at in lines), Tick(same, "same")],
+        ),
         [
             Curve("whole picture", points([frame.psnr for frame in frames]), "series-8", dash="4 3"),
             Curve(limit, points([frame.least for frame in frames]), "series-2"),

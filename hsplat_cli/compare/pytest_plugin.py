@@ -64,14 +64,23 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Make a test that uses `golden_scene` a test of each scene of the project."""
     if "golden_scene" not in metafunc.fixturenames:
         return
-    from hsplat_cli.compare import scene_files
+    from hsplat_cli.compare import tested_scenes
     from renderer.errors import HsplatError
 
     try:
-        files = scene_files(_places(metafunc.config))
+        scenes = tested_scenes(_places(metafunc.config))
     except HsplatError as error:
         raise pytest.Collector.CollectError(str(error)) from None
-    metafunc.parametrize("golden_scene", [*files.values()], ids=[*files])
+    metafunc.parametrize("golden_scene", [*scenes.values()], ids=[*scenes], indirect=True)
+
+
+@pytest.fixture
+def golden_scene(request: pytest.FixtureRequest) -> Path:
+    """Return the file of a scene of the project. The test fails instead for goldens that no scene has."""
+    if isinstance(request.param, str):
+        pytest.fail(request.param, pytrace=False)
+    scene: Path = request.param
+    return scene
 
 
 def _places(config: pytest.Config) -> list[str]:

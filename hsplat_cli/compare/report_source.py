@@ -13,6 +13,7 @@ import stat
 import struct
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Protocol
@@ -25,6 +26,8 @@ from renderer.scene import may_be_json, require_file
 
 # The names of pictures in a report.
 _PICTURE = re.compile(r"films/[0-9]{1,6}/(?:old|new)/[^/\\]{1,200}\.png")
+# The things that are reports, for messages.
+_EXPECTED = f"the folder of a report, or a ZIP archive of it, with {REPORT_FILE}"
 # The most reports of an artifact: one of each test of a large suite.
 _MAX_REPORTS = 10_000
 # The most entries of an archive: two pictures for each frame of a thousand films of a hundred frames. Python keeps
@@ -102,7 +105,6 @@ def open_reports(path: Path) -> Iterator[Sequence[ReportSource]]:
 
     path: the folder, the archive, or report.json in a folder. A folder with a report is that report alone.
     """
-    expected = f"the folder of a report, or a ZIP archive of it, with {REPORT_FILE}"
     if path.name == REPORT_FILE and path.is_file():
         path = path.parent
     if path.is_dir():
@@ -110,16 +112,20 @@ def open_reports(path: Path) -> Iterator[Sequence[ReportSource]]:
         yield _checked([_Folder(folder) for folder in folders], path)
         return
     if not path.exists():
-        raise InputError("no such report", where=str(path), expected=expected)
-    require_file(path, expected)
+        raise InputError("no such report", where=str(path), expected=_EXPECTED)
+    require_file(path, _EXPECTED)
     try:
         archive = zipfile.ZipFile(path)
     except _ERRORS as error:
-        raise InputError("not a report", where=str(path), expected=expected) from error
+        raise InputError("not a report", where=str(path), expected=_EXPECTED) from error
     with archive:
         names = archive.namelist()
-        if len(names) > _MAX_ENTRIES or len(set(names)) < len(names):
-            raise InputError("not a report", where=str(path), got="an archive with equal names, or too many")
+        if len(names) > _MAX_ENTRIES:
+            got, expected = f"an archive of {len(names)} files", f"at most {_MAX_ENTRIES}"
+            raise InputError("not a report", where=str(path), got=got, expected=expected)
+        if len(set(names)) < len(names):
+            twice = next(name for name, count in Counter(names).items() if count > 1)
+            raise InputError("not a report", where=str(path), got=f"an archive with two files {twice}")
         roots = sorted(name.removesuffix(REPORT_FILE) for name in names if PurePosixPath(name).name == REPORT_FILE)
         yield _checked([_Archive(path, archive, root) for root in roots], path)
 
@@ -130,9 +136,11 @@ def _folders(path: Path) -> list[Path]:
 
 
 def _checked(reports: Sequence[ReportSource], path: Path) -> Sequence[ReportSource]:
-    if not 0 < len(reports) <= _MAX_REPORTS:
+    if not reports:
+        raise InputError("not a report", where=str(path), got=f"no {REPORT_FILE} in it", expected=_EXPECTED)
+    if len(reports) > _MAX_REPORTS:
         got = f"{len(reports)} files {REPORT_FILE}"
-        raise InputError("not a report", where=str(path), got=got, expected=f"from 1 to {_MAX_REPORTS}")
+        raise InputError("not a report", where=str(path), got=got, expected=f"at most {_MAX_REPORTS}")
     return reports
 
 

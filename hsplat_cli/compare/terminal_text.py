@@ -26,6 +26,8 @@ def comparison_text(comparison: Comparison) -> PrintableText:
 
 
 def _film_lines(film: ComparedFilm, *, is_only: bool) -> Iterator[str]:
+    if not is_only:
+        yield f"{film.name}: {film.summary}"
     if film.verdict == "fails":
         rows = [(frame.name, frame.status, frame.why) for frame in film.failing[:_MOST_ROWS]]
         yield format_table([("frame", "status", "reason"), *rows])
@@ -37,6 +39,7 @@ def _film_lines(film: ComparedFilm, *, is_only: bool) -> Iterator[str]:
         for change in film.changes[:_MOST_CHANGES]:
             place = f"{film.scene}:{change.line}: " if change.line else ""
             yield f"{place}{change_text(change)}"
-    yield film.summary if is_only else f"{film.name}: {film.summary}"
+    if is_only:
+        yield film.summary
     yield from (f"note: {note}" for note in film.notes)
     yield from (f"note: nothing matches {file} any more" for file in film.outdated)

@@ -12,16 +12,18 @@ from hsplat_cli.compare.golden.update import update_goldens
 from hsplat_cli.compare.report_source import open_reports
 from hsplat_cli.compare.terminal_text import comparison_text
 from hsplat_cli.terminal import Reporter
-from renderer.errors import HsplatError, InputError
+from renderer.errors import HsplatError
 from renderer.system import join_lines
 
 
-def scene_files(places: Sequence[str]) -> dict[str, Path]:
-    """Return the files of a project's scenes, by their names. Raises InputError for goldens without a scene."""
+def tested_scenes(places: Sequence[str]) -> dict[str, Path | str]:
+    """Return the files of a project's scenes, by their names, and an error for each folder of goldens without a scene.
+
+    Raises InputError if there is no scene.
+    """
     project = find_project(places)
-    if project.unused:
-        raise InputError(unused_error(project.unused))
-    return {scene.name: scene.file for scene in project.scenes}
+    scenes: dict[str, Path | str] = {scene.name: scene.file for scene in project.scenes}
+    return scenes | {str(folder.path): str(unused_error(folder, places)) for folder in project.unused}
 
 
 def accept_goldens(report: Path, places: Sequence[str], only: Sequence[str]) -> list[str]:

@@ -102,7 +102,7 @@ class CacheFolder:
     def _limit(self, now: float) -> None:
         """Remove the least recently used entries beyond the share of the disk, and what killed processes left."""
         entries = sorted((each for each in self.path.iterdir() if each.is_dir()), key=lambda each: each.stat().st_mtime)
-        sizes = {entry: sum(file.stat().st_size for file in entry.iterdir()) for entry in entries}
+        sizes = {entry: sum(map(_taken_by, entry.iterdir())) for entry in entries}
         most = _SHARE_OF_DISK * (shutil.disk_usage(self.path).free + sum(sizes.values()))
         for entry in entries:
             is_made = not entry.name.startswith(_TEMPORARY)
@@ -110,6 +110,12 @@ class CacheFolder:
             if (is_made and sum(sizes.values()) > most) or (not is_made and is_old):
                 shutil.rmtree(entry, ignore_errors=True)
                 del sizes[entry]
+
+
+def _taken_by(file: Path) -> int:
+    """Return the bytes that a file takes on the disk: a sparse one takes fewer than it has."""
+    state = file.stat()
+    return min(state.st_size, 512 * state.st_blocks)
 
 
 # The folders that blocks of this process use, the innermost one last.

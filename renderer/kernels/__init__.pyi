@@ -22,6 +22,7 @@ from .records import (
     PathMedium as PathMedium,
     PiecewiseTransfer as PiecewiseTransfer,
     RadianceCells as RadianceCells,
+    PlacedVoxels as PlacedVoxels,
     RaySetup as RaySetup,
     RayShading as RayShading,
     RemovedSet as RemovedSet,

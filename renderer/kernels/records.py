@@ -467,13 +467,24 @@ class IndexRays(NamedTuple):
     removed: Sequence[RemovedSet]
 
 
+class PlacedVoxels(NamedTuple):
+    """The voxels of a volume, in any order. The place of a voxel is the sum of a number for each of its coordinates."""
+
+    # [n]: the values of the voxels, at their places.
+    values: NDArray[Any]
+    # [z], [y], [x]: the numbers of each coordinate, ascending. The sum of the three last ones is below n.
+    z: NDArray[np.int64]
+    y: NDArray[np.int64]
+    x: NDArray[np.int64]
+
+
 class LayerOptics(NamedTuple):
     """A layer: the values of a volume, and how they are shown."""
 
-    # [z, y, x]: the values of the voxels.
-    values: NDArray[Any]
+    # The voxels of the volume.
+    voxels: PlacedVoxels
     # [z, y, x]: the state of each macrocell, a block of 4^3 cells: UNKNOWN (0) at first, then whether it may show
-    # anything. The array is updated, and later calls with the same values and intervals use it.
+    # anything. The array is updated, and later calls with the same voxels and intervals use it.
     macrocells: NDArray[np.uint8]
     # The transfer function of the layer.
     intervals: Intervals
@@ -491,8 +502,8 @@ class LayerOptics(NamedTuple):
 class PathMask(NamedTuple):
     """The mask of a layer, for points in space."""
 
-    # [z, y, x]: the numbers of labels; the layer is shown at points whose label is not 0.
-    values: NDArray[Any]
+    # The numbers of labels; the layer is shown at points whose label is not 0.
+    voxels: PlacedVoxels
     # [3, 4]: the transformation from the world to the mask's index space.
     index_from_world: NDArray[np.float64]
 

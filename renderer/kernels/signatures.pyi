@@ -20,6 +20,7 @@ from renderer.kernels.records import (
     ModelView,
     PathLight,
     PathMedium,
+    PlacedVoxels,
     RaySetup,
     SearchRules,
     StreamedLevel,
@@ -398,7 +399,7 @@ class SearchRays(Protocol):
     def partial(
         self,
         *,
-        values: NDArray[Any],
+        voxels: PlacedVoxels,
         tops: NDArray[np.float64],
         sign: float,
         least_rise: float,

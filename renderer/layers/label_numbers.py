@@ -20,21 +20,26 @@ def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False)
     shown: the labels that are shown, ascending. as_one: whether all shown labels have the number 1.
     Raises InputError for a label that no voxel has, and if the volume's file was changed.
     """
+    values = volume.values if volume.voxels is None else volume.voxels.values.reshape(-1, 1, 1)
     labels, numbers = np.array(shown), np.arange(1, len(shown) + 1, dtype=np.min_scalar_type(len(shown)))
-    found, counts = np.empty(volume.values.shape, numbers.dtype), np.zeros(len(shown) + 1, np.int64)
+    found, counts = np.empty(values.shape, numbers.dtype), np.zeros(len(shown) + 1, np.int64)
     start = 0
-    for slab in iter_slabs(volume.values, volume.source):
+    for slab in iter_slabs(values, volume.source):
         of_slab = _numbers_of(slab, labels, numbers)
         found[start : start + len(slab)] = of_slab
         counts += np.bincount(of_slab.ravel(), minlength=len(counts))
         start += len(slab)
-    if volume.num_times == 1 and not counts[1:].all():  # a step in time may lack labels of other steps
+    # A step in time may lack labels of other steps, and a part of a volume those of other parts.
+    if volume.num_times == 1 and volume.voxels is None and not counts[1:].all():
         missing = format_value(labels[counts[1:] == 0].tolist())
         hint = "`hsplat info` lists its labels"
         raise InputError("no such labels in this volume", where=volume.name, got=missing, hint=hint)
     if as_one:
         found = np.minimum(found, 1).astype(np.uint8)
     found.flags.writeable = False
+    if volume.voxels is not None:
+        voxels = volume.voxels._replace(values=found.reshape(-1))
+        return replace(volume, voxels=voxels, source=None, num_absent=0, is_labels=True)
     return replace(volume, values=found, source=None, num_absent=0, is_labels=True)
 
 

@@ -32,7 +32,8 @@ class Image:
     marks: a text that changes when the metadata of the store do, if it is at a URL.
     is_on_disk: whether `values` are mapped from a temporary file or from an entry of the cache folder, so that they
         take memory only for as long as nothing else needs it.
-    blocks: the blocks of a level of a store that were read; other voxels are 0. None if all were read.
+    blocks: the blocks of a level of a store that were read, if `values` are an array of blocks: [blocks, voxels of a
+        block], both along z, y, x, as of `Blocks.shape_in`. Other blocks are 0. None if `values` are as above.
     """
 
     values: Array

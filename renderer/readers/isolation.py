@@ -20,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import IO, Any
@@ -90,7 +90,9 @@ def read_isolated(
             voxels = files.enter_context(open_anonymous_file(on_disk=on_disk))
             text = _ask(children, {**request, "folder": tempfile.gettempdir()}, voxels)
         else:
-            voxels, answer = (files.enter_context(_file_in(entry, name).open("w+b")) for name in (_VOXELS, _ANSWER))
+            is_shared = _file_in(entry, _VOXELS).exists()
+            voxels = files.enter_context(_file_in(entry, _VOXELS).open("r+b" if is_shared else "w+b"))
+            answer = files.enter_context(_file_in(entry, _ANSWER).open("w+b"))
             text = _ask(children, {**request, "folder": str(entry.parent)}, voxels)
             np.save(answer, np.frombuffer(text, np.uint8), allow_pickle=False)
         told = json.loads(text)
@@ -113,6 +115,19 @@ def kept_image(arrays: Mapping[str, Array]) -> Image | None:
         return _image(told, values, is_on_disk=True) if (values.shape, values.dtype) == (shape, dtype) else None
     except (KeyError, TypeError, ValueError, InputError):
         return None
+
+
+def share_voxels(image: Image, entry: Path) -> bool:
+    """Let a new entry have the file of the voxels of an image that `kept_image` made. Return whether it has.
+
+    Voxels that are read into the new entry are then added to the file.
+    """
+    if not isinstance(image.values, np.memmap) or image.values.filename is None:
+        return False
+    with suppress(OSError):  # the entry is removed, or the file system has no links
+        _file_in(entry, _VOXELS).hardlink_to(image.values.filename)
+        return True
+    return False
 
 
 def _file_in(entry: Path, name: str) -> Path:
@@ -305,6 +320,20 @@ class Host:
         mapped[: len(header)] = header
         self.values = np.frombuffer(mapped, dtype, offset=len(header)).reshape(shape)
         return self.values
+
+    def fill(self, part: Array, voxels: Array) -> None:
+        """Write voxels to a part of the array that `allocate` returned.
+
+        A contiguous part is written to the file: the system takes a third of the time that the pages of a map take.
+        """
+        if self.values is None or not part.flags.c_contiguous:
+            part[...] = voxels
+            return
+        first = len(_header(self.values.shape, self.values.dtype)) + part.ctypes.data - self.values.ctypes.data
+        left = np.ascontiguousarray(voxels, part.dtype).reshape(-1).view(np.uint8).data
+        while left:
+            num_written = os.pwrite(self._descriptor, left, first)
+            left, first = left[num_written:], first + num_written
 
     def require_room(self, num_bytes: int) -> None:
         """Raise InputError if there is no room for this many bytes in memory, or on the disk of the shared file."""

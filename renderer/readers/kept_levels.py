@@ -1,6 +1,7 @@
 """Keep levels of stores in the cache folder, decoded, so that a later film of the same store need not read them.
 
-An entry has the voxels of one level, time step, component and crop. It counts as one of a local store as long as all
+An entry has the voxels of one level, time step, component and crop; or some blocks of them, by which levels were
+compared. It counts as one of a local store as long as all
 files of the store have the same names, sizes and times. Of a store at a URL, the metadata are read again, and compared.
 """
 
@@ -10,16 +11,26 @@ import hashlib
 import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from renderer.cache import CacheFolder, cache_folder
 from renderer.readers.image import Image
-from renderer.readers.isolation import kept_image
+from renderer.readers.isolation import kept_image, share_voxels
+from renderer.readers.level_parts import has_blocks, level_read, with_blocks
 from renderer.readers.recent_images import marks_of
+from renderer.readers.store_blocks import Blocks
 
 # The kind of these entries in the cache folder.
 _KIND = "level"
+# The kind of entries with some blocks of a level.
+_PART_KIND = "part"
+# The name of the array, in such an entry, that says which blocks it has.
+_BLOCKS = "blocks"
 # The number of bytes of the digest of a file's name, size and time.
 _DIGEST_BYTES = 16
 
@@ -40,7 +51,39 @@ def read_kept(read: Callable[..., Image], place: Path | str, wanted: Mapping[str
     image = None
     with suppress(OSError), folder.adding(_KIND, facts) as entry:
         image = read(entry=entry)
+        folder.remove(_PART_KIND, facts)
     return _find(folder, facts) or image or read()
+
+
+def find_part(plan: Image, place: Path | str, wanted: Mapping[str, Any]) -> Image | None:
+    """Return a part of a level from the cache folder; None without one. plan: the level, with or without voxels."""
+    folder = cache_folder()
+    return None if folder is None else _find_part(folder, _facts(lambda **_: plan, place, wanted))
+
+
+def read_part_kept(
+    part: Image, blocks: Blocks, read: Callable[..., Image], place: Path | str, wanted: Mapping[str, Any]
+) -> Image:
+    """Return a part of a level with more blocks, as `with_blocks`, from the cache folder as far as they are there.
+
+    It is kept if the process has such a folder. It takes the place of the part that an earlier process has kept, and
+    has its file, to which blocks are added: a process that has mapped the file looks at its own blocks alone.
+    """
+    folder = cache_folder()
+    if folder is None:
+        return with_blocks(part, blocks, read)
+    facts, image = _facts(lambda **_: part, place, wanted), None
+    if part.blocks is None:
+        part = _find_part(folder, facts) or part
+    if has_blocks(part, blocks):
+        return part
+    with suppress(OSError), folder.adding(_PART_KIND, facts) as entry:
+        is_shared = share_voxels(part, entry)
+        image = with_blocks(part, blocks, partial(read, entry=entry), is_shared=is_shared)
+        assert image.blocks is not None
+        np.save(entry / f"{_BLOCKS}.npy", image.blocks.wanted, allow_pickle=False)
+        folder.remove(_PART_KIND, facts)
+    return image or with_blocks(part, blocks, read)
 
 
 def find_kept(plan: Image, place: Path | str, wanted: Mapping[str, Any]) -> Image | None:
@@ -85,6 +128,21 @@ def _facts(read: Callable[..., Image], place: Path | str, wanted: Mapping[str, A
 def _stated(plan: Image) -> object:
     """Return the metadata of a store, as far as its levels depend on them."""
     return plan.marks, plan.values.dtype.str, plan.levels, plan.notes
+
+
+def _find_part(folder: CacheFolder, facts: object) -> Image | None:
+    """Return the part of a level in an entry of the cache folder. An entry that holds no part is removed."""
+    found = folder.find(_PART_KIND, facts)
+    image = None if found is None else kept_image(found)
+    if found is None or image is None or image.box is None or _BLOCKS not in found:
+        folder.remove(_PART_KIND, facts)
+        return None
+    blocks, wanted = Blocks.of_level(level_read(image)), found[_BLOCKS]
+    fits = wanted.shape == blocks.wanted.shape and image.values.shape == blocks.shape_in(image.box)
+    if not fits or wanted.dtype != np.bool_:
+        folder.remove(_PART_KIND, facts)
+        return None
+    return replace(image, blocks=replace(blocks, wanted=np.array(wanted)))
 
 
 def _find(folder: CacheFolder, facts: object) -> Image | None:

@@ -6,7 +6,7 @@ One level, one time step and one component of it is read, and only the chunks of
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -100,7 +100,8 @@ class Wanted(NamedTuple):
     time, component: the scene's choice, None without one. dataset: the name of the image, None for the only one. level:
     the number of the level, None for the finest one whose voxels take at most `most_bytes`. crop: ranges of voxels of
     the finest level along x, y, z. blocks: the blocks that are read, as of `Blocks.to_plain`; other voxels are 0. It is
-    empty to read none, and None to read all.
+    empty to read none, and None to read all. in_blocks: whether voxels come as an array of blocks, as of
+    `Blocks.shape_in`.
     """
 
     time: int | None = None
@@ -110,6 +111,7 @@ class Wanted(NamedTuple):
     crop: Sequence[Sequence[int] | None] | None = None
     most_bytes: float = math.inf
     blocks: Sequence[Any] | None = None
+    in_blocks: bool = False
 
 
 def read_store(place: Path | str, *, host: Host, **wanted: Any) -> Image:
@@ -136,9 +138,7 @@ def read_levels(store: OpenImage, wanted: Wanted, host: Host) -> Image:
              for each, box in zip(store.levels, boxes, strict=True)]  # fmt: skip
     number, level_note = choose_level(sizes, wanted.level, wanted.most_bytes)
     box = boxes[number]
-    parts = _parts(box, wanted.blocks)
-    values = _allocate(store, number, box, parts, host)
-    _read(store, number, _Target(values, box, layout, chosen), parts, host)
+    values = _read(store, number, _Part(box, layout, chosen, wanted.blocks, wanted.in_blocks), host)
     slope, intercept = plan.scaling
     units, unit_note = _units(plan.axes, layout)
     turned, axes = _in_body(places[number], plan.axes, layout)
@@ -182,62 +182,82 @@ def choose_level(sizes: Sequence[int], wanted: int | None, most_bytes: float) ->
     return number, f"{last + 1} levels; level {number}, {why}, is drawn; `level: k` chooses another"
 
 
-def _parts(box: Ranges, blocks: Sequence[Any] | None) -> list[Ranges]:
-    """Return the boxes of voxels that are read of a box. blocks: as in `Wanted`."""
-    if blocks is None:
-        return [box]
-    return [*Blocks.from_plain(*blocks).boxes(box)] if blocks else []
+class _Part(NamedTuple):
+    """The part of a level that is read. box: its ranges of voxels along x, y, z. blocks, in_blocks: as in `Wanted`."""
 
-
-def _allocate(store: OpenImage, number: int, box: Ranges, parts: Sequence[Ranges], host: Host) -> Array:
-    """Return zeros for the voxels [z, y, x] of a box of a level. parts: the boxes that do not stay zeros."""
-    level = store.levels[number]
-    shape = tuple(end - begin for begin, end in box[::-1])
-    host.expect_bytes(_NUM_HELD_CHUNKS * level.dtype.itemsize * math.prod(map(min, level.chunks, level.shape)))
-    dtype = _value_type(store, level)
-    check_size(shape[::-1], dtype)
-    host.require_room(dtype.itemsize * sum(math.prod(end - begin for begin, end in part) for part in parts))
-    return host.allocate(shape, dtype)
-
-
-class _Target(NamedTuple):
-    """An array for the voxels of a level. values: [z, y, x]. box: the ranges of voxels along x, y, z that it has."""
-
-    values: Array
     box: Ranges
     layout: _Layout
     chosen: Chosen
+    blocks: Sequence[Any] | None
+    in_blocks: bool
 
-    def part(self, box: Ranges) -> tuple[list[int | slice], Array]:
-        """Return a box, given by ranges along x, y, z, in the axes of the store's array, and the array to fill."""
+    @property
+    def _shape(self) -> tuple[int, ...]:
+        """Return the shape of the array of voxels."""
+        if self.in_blocks and self.blocks:
+            return Blocks.from_plain(*self.blocks).shape_in(self.box)
+        return tuple(end - begin for begin, end in self.box[::-1])
+
+    def boxes(self) -> Sequence[Ranges]:
+        """Return the boxes that are read."""
+        if self.blocks is None:
+            return [self.box]
+        if not self.blocks:
+            return []
+        blocks = Blocks.from_plain(*self.blocks)
+        return [ranges for _, ranges in blocks.tiles(self.box)] if self.in_blocks else [*blocks.boxes(self.box)]
+
+    def allocate(self, dtype: np.dtype[Any], host: Host) -> Array:
+        """Return zeros for the voxels."""
+        check_size(self._shape[::-1], dtype)
+        host.require_room(dtype.itemsize * sum(math.prod(end - begin for begin, end in box) for box in self.boxes()))
+        return host.allocate(self._shape, dtype)
+
+    def targets(self, values: Array) -> Iterator[tuple[list[int | slice], Array]]:
+        """Yield the boxes, in the axes of the store's array, with the parts of `values` that they fill."""
+        if self.in_blocks and self.blocks:
+            blocks = Blocks.from_plain(*self.blocks)
+            for place, ranges in blocks.tiles(self.box):
+                yield self._target(ranges, values[place][blocks.part_of_tile(ranges)])
+            return
+        for box in self.boxes():
+            pairs = zip(box[::-1], self.box[::-1], strict=True)
+            yield self._target(
+                box, values[tuple(slice(low - first, high - first) for (low, high), (first, _) in pairs)]
+            )
+
+    def _target(self, box: Ranges, values: Array) -> tuple[list[int | slice], Array]:
+        """Return a box in the axes of the store's array, and its voxels [z, y, x] in the order of these axes."""
         item: list[int | slice] = [part if isinstance(part, int) else slice(0, 1) for part in self.chosen.part]
         order, ranges = list[int](), list[int | slice]()
-        for axis, (begin, end), (first, _) in zip(self.layout.space, box[::-1], self.box[::-1], strict=True):
-            ranges.append(0 if axis is None else slice(begin - first, end - first))
+        for axis, (begin, end) in zip(self.layout.space, box[::-1], strict=True):
+            ranges.append(0 if axis is None else slice(None))
             if axis is not None:
                 item[axis] = slice(begin, end)
                 order.append(axis)
-        return item, np.transpose(self.values[tuple(ranges)], np.argsort(order))
+        return item, np.transpose(values[tuple(ranges)], np.argsort(order))
 
 
-def _read(store: OpenImage, number: int, target: _Target, boxes: Sequence[Ranges], host: Host) -> None:
-    """Read boxes of a level, several pieces at a time, and tell the progress. boxes: ranges of voxels along x, y, z.
+def _read(store: OpenImage, number: int, part: _Part, host: Host) -> Array:
+    """Return the voxels of a part of a level, read several pieces at a time, and tell the progress.
 
     No chunk is needed for two pieces of a box.
     """
     scaling, level = store.image.plan.scaling, store.levels[number]
+    host.expect_bytes(_NUM_HELD_CHUNKS * level.dtype.itemsize * math.prod(map(min, level.chunks, level.shape)))
+    found = part.allocate(_value_type(store, level), host)
 
     def read(piece: tuple[Box, Array]) -> int:
         item, values = piece
-        if scaling == _NO_SCALING:
+        if scaling == _NO_SCALING and not part.in_blocks:
             store.read_box(number, item, values)
             return values.nbytes
         stored = np.empty(values.shape, level.dtype.newbyteorder("="))
         store.read_box(number, item, stored)
-        values[...] = scaled(stored, *scaling)
+        host.fill(values, stored if scaling == _NO_SCALING else scaled(stored, *scaling))
         return values.nbytes
 
-    pieces = [piece for box in boxes for piece in slabs_of(*target.part(box), level.chunks)]
+    pieces = [piece for target in part.targets(found) for piece in slabs_of(*target, level.chunks)]
     sizes = [values.nbytes for _, values in pieces]
     num_read, num_bytes = 0, sum(sizes)
     with start_threads(max(2, min(_NUM_PIECES, _BYTES_AT_A_TIME // max(sizes, default=1)))) as threads:
@@ -245,6 +265,7 @@ def _read(store: OpenImage, number: int, target: _Target, boxes: Sequence[Ranges
         for each in threads.map(read, pieces):
             num_read += each
             host.tell_progress(num_read, num_bytes, f"level {number}")
+    return found
 
 
 def _value_type(store: OpenImage, level: Level) -> np.dtype[Any]:

@@ -21,8 +21,8 @@ from renderer.readers.components import are_colors, are_light, choose, select_in
 from renderer.readers.file_errors import errors_about, require_exists, unreadable_error
 from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
-from renderer.readers.kept_levels import find_kept, read_kept, store_state
-from renderer.readers.level_parts import read_plan, read_rest, with_blocks
+from renderer.readers.kept_levels import find_kept, find_part, read_kept, read_part_kept, store_state
+from renderer.readers.level_parts import has_blocks, read_rest
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages
 from renderer.readers.sniff import find_volume
@@ -229,11 +229,11 @@ def _finest_affine(image: Image) -> Float64:
 
 
 def read_part(spec: VolumeSpec, blocks: Blocks | None) -> Image | None:
-    """Return a level of a store with some of its blocks, placed in the world; other voxels are 0, or those of others.
+    """Return a level of a store with some of its blocks, placed in the world; or the whole level, if it is kept.
 
-    The voxels are mapped from a temporary file, or from the cache folder. Blocks that this process has read are not
-    read again. blocks: the blocks of the level that the spec names; None to read no voxels. Returns None for a volume
-    that is no store. Raises InputError for damaged stores.
+    The voxels are mapped from a temporary file, or from the cache folder. Blocks that this process has read, or that
+    the cache folder has, are not read again. blocks: the blocks of the level that the spec names; None to read no
+    voxels. Returns None for a volume that is no store. Raises InputError for damaged stores.
     """
     found = _store_of(spec)
     if found is None:
@@ -274,16 +274,13 @@ def _part(spec: VolumeSpec, place: Path | str, blocks: Blocks | None) -> Image:
     wanted = _wanted(spec, 0 if spec.time == "auto" else time)
     read = partial(read_isolated, "renderer.readers.store:read_store", place, on_disk=True, **wanted)
     request = _part_request(spec, place, wanted)
-    part = _RECENT_IMAGES.find(request)
-    if part is None:
-        part = _RECENT_IMAGES.keep(request, read_plan(read))
-    if blocks is None:
+    part = _RECENT_IMAGES.find(request) or _RECENT_IMAGES.keep(request, read(blocks=()))
+    if blocks is None or has_blocks(part, blocks):
         return part
     whole = _RECENT_IMAGES.find(_level_request(spec, place, "store", wanted)) or find_kept(part, place, wanted)
     if whole is not None:
         return whole
-    more = with_blocks(part, blocks, read)
-    return part if more is part else _RECENT_IMAGES.keep(request, more)
+    return _RECENT_IMAGES.keep(request, read_part_kept(part, blocks, read, place, wanted))
 
 
 def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
@@ -419,8 +416,14 @@ def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None)
     if form != "store":
         return _RECENT_IMAGES.get(request, read)
     part = _part_request(spec, place, wanted)
-    # Blocks by which levels were compared are not read again.
-    read_level = partial(read_rest, _RECENT_IMAGES.find(part), read)
+
+    def read_level(**options: Any) -> Image:
+        """Read a level, but not the blocks by which levels were compared."""
+        known = _RECENT_IMAGES.find(part)
+        if known is None or "blocks" in options:
+            return read(**options)
+        return read_rest(known if known.blocks else find_part(known, place, wanted), read, **options)
+
     image = _RECENT_IMAGES.get(request, lambda: read_kept(read_level, place, wanted))
     _RECENT_IMAGES.drop(part)
     return image

@@ -17,6 +17,7 @@ from renderer.accuracy import ErrorSamples, error_samples, is_loop, pool_samples
 from renderer.errors import InputError
 from renderer.film import behind_rows, over_rows
 from renderer.frame import FilmStage, Stage, view_of
+from renderer.kernels import PlacedVoxels
 from renderer.layers import Layer, with_level
 from renderer.readers import Blocks, Image, read_part
 from renderer.resolve.crossed_blocks import crossed_blocks
@@ -40,6 +41,8 @@ _SQUARES = 2
 _EVEN = 0.2
 # The number by which the choice of pixels begins.
 _SEED = 0
+# The fingerprint of a part of the finest level, which is not known.
+_FINGERPRINT = "part"
 # The length of a step of exact rays, in voxels, without and with shading, as of probes.
 _STEP = 1.0
 _SHADED_STEP = 0.5
@@ -183,8 +186,13 @@ def _part(spec: VolumeSpec, blocks: Blocks | None, layer: Layer) -> Image:
 
 def _volume(layer: Layer, image: Image) -> Volume:
     """Return a part of the finest level as the volume of a layer, unplaced, with the layer's mask."""
-    image.values.flags.writeable = False
     placed = np.array(image.world_from_index) + 0.0
-    digest = Fingerprint(image.values, placed)
-    own = replace(layer.volume, values=image.values, world_from_index=placed, digest=digest, source=None)
-    return replace(own, is_labels=False, finest_share=1.0)
+    values, voxels = image.values, None
+    if image.blocks is not None and image.box is not None:
+        voxels = PlacedVoxels(values.reshape(-1), *image.blocks.places(image.box))
+        shape = [end - begin for begin, end in image.box[::-1]]
+        values = np.broadcast_to(np.zeros(1, values.dtype), shape)
+    # Nobody asks for the fingerprint of a level that is measured, but a volume that is moved has one.
+    digest = Fingerprint(values, placed, text=_FINGERPRINT)
+    own = replace(layer.volume, values=values, world_from_index=placed, digest=digest, source=None)
+    return replace(own, is_labels=False, finest_share=1.0, voxels=voxels)

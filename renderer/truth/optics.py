@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.kernels import Intervals, LayerOptics, LightGrid, RayShading
+from renderer.kernels import Intervals, LayerOptics, LightGrid, PlacedVoxels, RayShading
 from renderer.scene import FACE_DEPTH, ClipSpec, ShadingSpec
 from renderer.transfer import NO_LIGHT_GRID, TransferFunction
 from renderer.volume import Float64, Volume
@@ -47,12 +47,11 @@ class TrueLayer(NamedTuple):
 
 def optics_of(layer: TrueLayer) -> LayerOptics:
     """Return a layer as the record LayerOptics, which kernels take."""
-    values = readable_values(layer.volume)
     scale = largest_magnitude_scale(layer.volume, layer.transfer)
     intervals, spec = intervals_of(layer.transfer, scale), layer.shading
     return LayerOptics(
-        values=values,
-        macrocells=for_macrocells(values.shape, np.uint8(0)),
+        voxels=voxels_of(layer.volume),
+        macrocells=for_macrocells(layer.volume, np.uint8(0)),
         intervals=intervals,
         shading=None if spec is None else shading_of(spec, layer.light_grid, layer.volume, scale),
         weight=layer.weight,
@@ -68,14 +67,18 @@ def _label_opacities(intervals: Intervals, finest_spacing: float) -> Float64:
     return np.asarray(-np.expm1(-(rows[:, 3] + rows[:, 7] * (numbers - rows[:, 8])) * finest_spacing))
 
 
-def for_macrocells(shape: tuple[int, ...], unknown: Any) -> npt.NDArray[Any]:
-    """Return an array with one element for each macrocell of a volume of this shape, each with the value `unknown`."""
-    return np.full([num // _MACROCELL_SIZE + 1 for num in shape], unknown)
+def for_macrocells(volume: Volume, unknown: Any) -> npt.NDArray[Any]:
+    """Return an array with one element for each macrocell of a volume, each with the value `unknown`."""
+    return np.full([num // _MACROCELL_SIZE + 1 for num in volume.values.shape], unknown)
 
 
-def readable_values(volume: Volume) -> npt.NDArray[Any]:
-    """Return the values of a volume in a dtype that kernels read; float16, which they do not, becomes float32."""
-    return volume.values.astype(np.float32) if volume.values.dtype == np.float16 else volume.values
+def voxels_of(volume: Volume) -> PlacedVoxels:
+    """Return the voxels of a volume in a dtype that kernels read; float16, which they do not, becomes float32."""
+    depth, height, width = volume.values.shape
+    places = (np.arange(depth) * height * width, np.arange(height) * width, np.arange(width))
+    voxels = volume.voxels or PlacedVoxels(volume.values.reshape(-1), *places)
+    is_half = voxels.values.dtype == np.float16
+    return voxels._replace(values=voxels.values.astype(np.float32)) if is_half else voxels
 
 
 def largest_magnitude_scale(volume: Volume, transfer: TransferFunction) -> float:

@@ -24,7 +24,7 @@ from renderer.kernels import IndexRays, PathLight, PathMask, PathMedium, kernels
 from renderer.lighting import LightSources
 from renderer.truth.integrator import Progress, ignore, in_parts, index_rays
 from renderer.truth.kept_parts import removed_sets
-from renderer.truth.optics import TrueLayer, for_macrocells, optics_of, readable_values
+from renderer.truth.optics import TrueLayer, for_macrocells, optics_of, voxels_of
 from renderer.view import View
 from renderer.volume import Float64, UInt64, Volume
 
@@ -84,7 +84,7 @@ class PathTracer:
     def _medium_of(self, layer: TrueLayer) -> PathMedium:
         volume, mask = layer.volume, layer.volume.mask
         return PathMedium(
-            majorants=for_macrocells(volume.values.shape, np.nan),
+            majorants=for_macrocells(volume, np.nan),
             index_from_world=np.ascontiguousarray(np.linalg.inv(self._world_from_index(volume))[:3]).ravel(),
             world_from_index=self._world_from_index(volume)[:3].ravel(),
             mask=None if mask is None else self._mask_of(mask),
@@ -92,7 +92,7 @@ class PathTracer:
 
     def _mask_of(self, mask: Volume) -> PathMask:
         index_from_world = np.linalg.inv(self._world_from_index(mask))[:3]
-        return PathMask(readable_values(mask), np.ascontiguousarray(index_from_world).ravel())
+        return PathMask(voxels_of(mask), np.ascontiguousarray(index_from_world).ravel())
 
     def _world_from_index(self, volume: Volume) -> Float64:
         """Return the matrix [4, 4] from a volume's index space to the world, relative to the centre of all layers."""

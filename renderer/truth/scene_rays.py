@@ -12,7 +12,7 @@ from renderer.kernels import kernels
 from renderer.layers import Layer
 from renderer.transfer import TransferFunction
 from renderer.truth.integrator import Convergence, Progress, RayIntegrator, ignore, in_parts, index_rays
-from renderer.truth.optics import TrueLayer, for_macrocells, largest_magnitude_scale, readable_values
+from renderer.truth.optics import TrueLayer, for_macrocells, largest_magnitude_scale, voxels_of
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
@@ -105,14 +105,13 @@ class ExtremeSearch:
         volume, projection = layer.volume, layer.projection
         assert projection is not None
         self._layer, self._volume, self._projection, self._num_threads = layer, volume, projection, num_threads
-        values, spec = readable_values(volume), projection.spec
         self._scale = largest_magnitude_scale(volume, projection.optics)
-        self._sign = self._scale if spec.type == "maximum" else -self._scale
-        by_depth = spec.color_by == "depth"
+        self._sign = self._scale if projection.spec.type == "maximum" else -self._scale
+        by_depth = projection.spec.color_by == "depth"
         first, last = (end * self._scale for end in projection.color_range)
         self._search = kernels().search_rays.partial(
-            values=values,
-            tops=for_macrocells(values.shape, np.nan),
+            voxels=voxels_of(volume),
+            tops=for_macrocells(volume, np.nan),
             sign=self._sign,
             least_rise=_LEAST_RISE * (last - first) if by_depth else 0.0,
         )

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from renderer.kernels import MaskGrid
+from renderer.kernels import MaskGrid, PlacedVoxels
 from renderer.volume.arrays import Array, Bools, Float64, UInt8
 from renderer.volume.channel import Channel
 from renderer.volume.fingerprint import Fingerprint, joined_range, slab_range
@@ -51,6 +51,8 @@ class Volume:
         or their alpha.
     levels: the levels of the volume's store, from the finest to the coarsest; empty for any other file.
     finest_share: the finest spacing of the store's finest level, as a share of this level's finest spacing.
+    voxels: the voxels for exact rays, if only some blocks of a level were read: `values` are then zeros, which take no
+        memory and are not used. None if `values` are the voxels.
     """
 
     values: Array
@@ -75,6 +77,7 @@ class Volume:
     value_unit: str = ""
     levels: tuple[VolumeLevel, ...] = ()
     finest_share: float = 1.0
+    voxels: PlacedVoxels | None = None
 
     @property
     def fingerprint(self) -> str:
@@ -98,6 +101,8 @@ class Volume:
 
     @cached_property
     def _value_range(self) -> tuple[float, float]:
+        if self.voxels is not None:
+            return slab_range(self.voxels.values)
         known = self.digest.range_of(self.values)
         if known is not None:
             return known

@@ -192,6 +192,7 @@ def test_figures_do_not_depend_on_the_number_of_threads() -> None:
     assert FrameProber(stage, 300, seed=1).probe(5, frame.image) != found[0]
 
 
+@pytest.mark.slow
 def test_shared_probes_measure_the_change_of_errors() -> None:
     """As whole exact pictures do; the errors of frames that turn, at a coarse tolerance, are partly the same."""
     stage = prepare_stage(scene_of(), clock=perf_counter, num_threads=2)

@@ -26,7 +26,7 @@ from renderer.errors import InputError
 from renderer.readers import read_nrrd
 
 SEED = 5
-FILES = 250
+FILES = 120
 FORMATS = {"nrrd", "metaimage", "nifti", "mgh", "npy", "npz", "raw", "cube", "tiff", "dicom", "vtk"}
 FORMATS |= {"mrc", "hdf5", "pictures", "store"}
 

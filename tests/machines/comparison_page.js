@@ -145,6 +145,18 @@ async function useDecisions(page) {
   check("decisions survive a reload", (await value(page, "command")) === expected);
   await page.click("#copy-command");
   check("the command can be copied", (await page.$eval("#copied", (each) => each.textContent)) === "Copied.");
+  await page.keyboard.press("2");
+  check("keys work after the command was copied", (await mode(page)) === "new");
+  await page.focus(".zoom");
+  await page.keyboard.press("3");
+  check("keys work where a drop-down has the focus", (await mode(page)) === "difference");
+  await page.hover('[data-mode="difference"]:not(.stage)');
+  const colors = await page.$eval('button[data-mode="difference"]', (button) => [getComputedStyle(button).color, getComputedStyle(button).backgroundColor]);
+  const raised = await page.$eval("#decisions", (panel) => getComputedStyle(panel).backgroundColor);
+  check(`the label of a pressed button stays under the mouse: ${colors.join(" on ")}`, colors[0] !== colors[1] && colors[1] !== raised);
+  const panel = await page.$eval("#decisions", (each) => each.getBoundingClientRect().height);
+  check(`the open command takes less than a third of the window: ${Math.round(panel)} of 1000 pixels`, panel < 300);
+  await page.keyboard.press("0");
   const accepting = spawnSync("sh", ["-c", (await value(page, "command")).replace(/^hsplat/, hsplat)], { cwd: folder });
   check(`the command accepts four frames: ${accepting.stdout}${accepting.stderr}`, accepting.status === 0 && String(accepting.stdout).includes("4 frames"));
   await show(page, "it's changed");

@@ -32,7 +32,7 @@ def record_of(pictures: Mapping[int, Pixels]) -> GoldenRecord:
         Golden(frame, (GoldenPicture(picture_digest(pixels), 0, golden_file_name(frame, 10)),))
         for frame, pixels in pictures.items()
     ]
-    return GoldenRecord((ORIGIN,), tuple(frames))
+    return GoldenRecord((ORIGIN,), tuple(frames), ":")
 
 
 def contents_of(pictures: Mapping[int, Pixels]) -> dict[str, partial[bytes]]:

@@ -21,6 +21,10 @@ class ThisProcess(Any):
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
         return np.zeros(shape, dtype)
 
+    def fill(self, part: Array, voxels: Array) -> None:
+        """Write voxels to a part of an array."""
+        part[...] = voxels
+
     def expect_bytes(self, num_bytes: int) -> None:
         """Accept any number of bytes, as this process has no limit."""
 

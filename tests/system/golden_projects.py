@@ -41,7 +41,15 @@ def made_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def project(made_project: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Return the current folder, with a copy of a project; no temporary file stays in TMPDIR."""
     shutil.copytree(made_project, folder, dirs_exist_ok=True)
-    for name in ("CI", "GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY", "GITHUB_WORKSPACE", "CI_PROJECT_DIR"):
+    for name in (
+        "CI",
+        "GITHUB_EVENT_NAME",
+        "CI_PIPELINE_SOURCE",
+        "GITHUB_ACTIONS",
+        "GITHUB_STEP_SUMMARY",
+        "GITHUB_WORKSPACE",
+        "CI_PROJECT_DIR",
+    ):
         monkeypatch.delenv(name, raising=False)
     return folder
 

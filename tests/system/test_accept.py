@@ -86,8 +86,8 @@ def test_all_that_fails_is_accepted(source: str, capsys: pytest.CaptureFixture[s
     assert main.run(["golden", "scenes", "--accept", source]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "box: 4 frames accepted",
-        "engine: 4 frames accepted",
         "scenes/goldens/box: 4 goldens",
+        "engine: 4 frames accepted",
         "scenes/goldens/engine: 4 goldens",
     ]
     assert accepted() == {"box": [0, 1, 2, 3], "engine": [0, 1, 2, 3]}
@@ -118,9 +118,22 @@ def test_frames_are_accepted_one_after_the_other() -> None:
 
 
 def test_after_some_frames_are_accepted_the_others_still_fail() -> None:
+    """With the changed key as the reason."""
+    before = report()[1]["engine"]["changes"]
     assert accept("engine:1-2") == 0
     _, films = report()
     assert statuses(films["engine"]) == ["different", "same", "same", "different"]
+    assert films["engine"]["changes"] == before != []
+
+
+def test_frames_accepted_in_two_steps_have_the_flicker_of_the_film() -> None:
+    assert accept("engine:1-2", "box") == 0
+    assert "flicker" not in golden_json()
+    assert accept() == 0
+    assert golden_json()["flicker"] > 0
+    before = files()
+    assert golden("scenes", "--update") == 0
+    assert files() == before
 
 
 def test_pictures_of_another_machine_join_the_goldens() -> None:
@@ -159,7 +172,7 @@ def test_another_scene(capsys: pytest.CaptureFixture[str]) -> None:
     edit_scene("tolerance: 0.1", "tolerance: 0.2")
     error = refused(capsys)
     assert "scenes/engine.yaml: the scene, or its volume, changed since the pictures were drawn" in error
-    assert "error.tolerance" in error
+    assert "error.tolerance was 0.1, is 0.2" in error
     assert accept("box") == 0, "the other scene is as it was"
 
 
@@ -176,7 +189,7 @@ def test_another_volume(capsys: pytest.CaptureFixture[str]) -> None:
     assert compare("scenes", "--report", "report") == 1
     values[3, 3, 3] ^= 1
     np.save("scenes/scan.npy", values)
-    assert "volume.fingerprint" in refused(capsys, "engine")
+    assert "got: the voxels of the volume changed" in refused(capsys, "engine")
 
 
 def test_options_of_the_comparison_are_another_scene(capsys: pytest.CaptureFixture[str]) -> None:
@@ -194,6 +207,15 @@ def test_other_goldens(capsys: pytest.CaptureFixture[str]) -> None:
     assert accepted()["engine"] == [0, 2, 3]
 
 
+def test_another_picture_than_the_golden_that_was_compared(capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copy(ENGINE / NAMES[1], ENGINE / NAMES[2])
+    assert "these goldens have changed since they were compared" in refused(capsys, "engine")
+    assert accept("engine:0-1,3") == 0
+    report()
+    assert accept("engine") == 0, "that is what was compared"
+    assert accepted()["engine"] == [0, 1, 2, 3]
+
+
 @pytest.mark.parametrize("lost", ["golden.json", "."])
 def test_goldens_that_are_gone(lost: str, capsys: pytest.CaptureFixture[str]) -> None:
     path = ENGINE / lost
@@ -205,7 +227,7 @@ def test_an_input_of_the_scene_in_the_folder(capsys: pytest.CaptureFixture[str])
     Path("mine.yaml").hardlink_to("scenes/engine.yaml")
     (ENGINE / NAMES[0]).unlink()
     (ENGINE / NAMES[0]).hardlink_to("scenes/engine.yaml")
-    assert "would overwrite an input" in refused(capsys, "engine")
+    assert "would overwrite an input" in refused(capsys, "engine:1")
 
 
 # What is refused: an edited report
@@ -253,6 +275,7 @@ def test_a_picture_that_changes_after_it_was_checked(monkeypatch: pytest.MonkeyP
         (lambda film: film["frames"][1]["new"].update(file="films/1/new/gone.png"), "gone.png: no such file"),
         (lambda film: film["frames"][1]["new"].update(file=""), "no new picture in this report"),
         (lambda film: film["frames"][1].pop("new"), "no new picture in this report"),
+        (lambda film: (film["frames"][1].pop("new"), film["frames"][1].update(status="missing")), "has this frame"),
         (lambda film: film["frames"][1].update(frame=900), "these goldens have changed since they were compared"),
         (lambda film: film["frames"][1].update(frame=2), "two frames of this report have one number"),
         (lambda film: film["frames"][1].update(frame=-1), "films.1.frames.1.frame: out of range"),
@@ -294,6 +317,8 @@ def test_a_report_that_is_none(content: bytes, capsys: pytest.CaptureFixture[str
     ("only", "error"),
     [
         ("engin", "did you mean engine?"),
+        ("nosuch", "expected: box, engine"),
+        ("", "--only: an empty name"),
         ("engine:9", "these frames do not fail in this report"),
         ("engine:", "not frames of a film"),
         ("engine:2-1", "not frames of a film"),
@@ -313,6 +338,14 @@ def test_a_film_that_passes_is_not_accepted(capsys: pytest.CaptureFixture[str]) 
     assert golden("scenes/engine.yaml", "--update", "--yes") == 0
     assert compare("scenes", "--report", "report") == 0
     assert "nothing fails in this report" in refused(capsys)
+
+
+def test_a_report_of_films_that_could_not_be_compared(capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.rmtree("scenes/goldens")
+    assert compare("scenes", "--report", "report") == 2
+    error = refused(capsys)
+    assert "report: nothing can be accepted: 2 films could not be compared" in error
+    assert "got: box: scenes/box.yaml: this scene has no goldens" in error
 
 
 def test_other_scenes_than_those_compared(capsys: pytest.CaptureFixture[str]) -> None:
@@ -349,6 +382,27 @@ def run_killed(place: int) -> bool:
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     assert code in (0, -signal.SIGKILL)
     return code != 0
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
+def test_an_interrupt_tells_which_films_are_accepted(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    change = GoldenFolder.change
+
+    def interrupted(folder: GoldenFolder, *arguments: Any) -> None:
+        if folder.path.name == "engine":
+            raise KeyboardInterrupt
+        change(folder, *arguments)
+
+    monkeypatch.setattr(GoldenFolder, "change", interrupted)
+    assert main.run(["golden", "scenes", "--accept", "report"]) == 130
+    assert capsys.readouterr().out.splitlines() == [
+        "box: 4 frames accepted",
+        "scenes/goldens/box: 4 goldens",
+        "interrupted: the goldens of 1 of 2 films are written; the same command writes the others",
+    ]
+    assert accepted() == {"box": [0, 1, 2, 3], "engine": []}
 
 
 def test_a_kill_at_any_operation_leaves_whole_goldens(compared: Path) -> None:
@@ -398,6 +452,6 @@ def test_a_job_that_a_change_starts_accepts_nothing(
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     if is_refused:
-        assert "goldens are not accepted in a job that a change starts" in refused(capsys, options=("--yes",))
+        assert "goldens do not change in a job that a change of the code starts" in refused(capsys, options=("--yes",))
     else:
         assert accept() == 0

@@ -10,8 +10,10 @@ from small_scene import engine_block, sidecar, small_tree
 
 from hsplat_cli import main
 
-# Bytes of a brick of 16^3 voxels and their halo: of scalars, and of four numbers.
-SCALARS, FOUR = 4 * 18**3, 16 * 18**3
+# Bytes of a brick of 16^3 voxels and their halo, kept as voxels of a byte, and of voxels that are lit.
+PLAIN, LIT = 18**3, 20**3
+# Bytes of a brick of cells of four numbers.
+FOUR = 16 * 18**3
 
 
 @pytest.mark.parametrize("shading", [None, {}], ids=["plain", "lit"])
@@ -27,7 +29,7 @@ def test_films_have_the_same_bytes(folder: Path, scheduler: str, shading: dict[s
         assert (found is None) == (options is on_cluster)
         if found is not None:
             limits.append(found["limit"])
-            most = 4 * 4 * 3 * (SCALARS if shading is None else FOUR) + (2 * 2 * 2 + 1) * FOUR
+            most = 4 * 4 * 3 * (PLAIN if shading is None else LIT) + (2 * 2 * 2 + 1) * FOUR
             assert most / 4 < found["needed"] <= most  # bricks that show nothing need nothing
     assert len(films) == 1
     assert limits[1:] == [1, 600_000, 2**30]

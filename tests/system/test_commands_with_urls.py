@@ -55,6 +55,7 @@ def test_a_film_of_another_url_keeps_its_scene(server: ServedFolder, capsys: pyt
     assert f"got: the scene of {url}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_other_commands_with_urls(server: ServedFolder, capsys: pytest.CaptureFixture[str]) -> None:
     """A page, a film over a store and one of another place, and a film that is verified."""
     url, other = (f"{server.url}/{name}/scan.ome.zarr" for name in "ab")

@@ -72,16 +72,32 @@ def test_the_new_pictures_are_those_that_render_draws() -> None:
         assert Path("report", frame["old"]["file"]).read_bytes() == (ENGINE / NAMES[number]).read_bytes()
 
 
-def test_the_nearer_picture_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    """A coarser tolerance is further from the exact picture."""
-    edit_scene("tolerance: 0.1, probes: 16", "tolerance: 8")
+def test_the_nearer_picture_is_named_where_the_scene_is_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    """The goldens are those of another version, which drew the frames in a wrong order."""
+    shutil.copytree(ENGINE, "right")
+    for number, name in enumerate(NAMES):
+        shutil.copy(Path("right", NAMES[number - 1]), ENGINE / name)
+
+    def shift(data: dict[str, object]) -> None:
+        digests = [frame["pictures"][0]["digest"] for frame in data["frames"]]  # type: ignore[attr-defined]
+        for number, frame in enumerate(data["frames"]):  # type: ignore[arg-type, var-annotated]
+            frame["pictures"][0]["digest"] = digests[number - 1]
+
+    edit_sidecar(ENGINE / "golden.json", shift)
     _, films = report()
     out = capsys.readouterr().out
     measured = [frame for frame in films["engine"]["frames"] if "nearer" in frame]
     assert len(measured) == 3, "the worst"
     for frame in measured:
-        assert frame["nearer"]["differs"] and frame["nearer"]["old"] > frame["nearer"]["new"] + 5
-        assert f"{frame['name']}: further from the exact picture" in out
+        assert frame["nearer"]["differs"] and frame["nearer"]["new"] > frame["nearer"]["old"] + 5
+        assert f"{frame['name']}: nearer to the exact picture" in out
+    edit_scene("tolerance: 0.1", "tolerance: 0.2")
+    _, films = report()
+    assert any("nearer" in frame for frame in films["engine"]["frames"]), "the exact picture is the same"
+    edit_scene()
+    _, films = report()
+    assert set(statuses(films["engine"])) == {"different"}
+    assert not any("nearer" in frame for frame in films["engine"]["frames"]), "goldens show another scene"
 
 
 @pytest.mark.parametrize(("limit", "code"), [("same bytes", 1), ("60", 1), ("20 dB", 0)])
@@ -111,11 +127,55 @@ def test_a_missing_picture_fails() -> None:
     assert (code, statuses(films["engine"])) == (1, ["same", "missing", "same", "same"])
 
 
-def test_fewer_frames_fail() -> None:
+def test_fewer_frames_fail_until_it_is_accepted_that_they_are_gone(capsys: pytest.CaptureFixture[str]) -> None:
+    """The report shows the goldens that the film does not have any more."""
     edit_scene("frames: 4", "frames: 3")
     code, films = report()
     assert code == 1
-    assert statuses(films["engine"])[3] == "missing"
+    (*_, frame) = films["engine"]["frames"]
+    assert (frame["status"], frame["why"]) == ("missing", "the film does not have this frame any more")
+    assert Path("report", frame["old"]["file"]).read_bytes() == (ENGINE / NAMES[3]).read_bytes()
+    assert main.run(["golden", "scenes", "--accept", "report"]) == 0
+
+    assert "engine: 3 frames accepted, 1 golden removed" in capsys.readouterr().out.splitlines()
+    assert not (ENGINE / NAMES[3]).exists()
+    assert compare() == 0
+    assert golden("scenes", "--update") == 0, "an update draws the same"
+
+
+def test_a_removed_frame_is_accepted_alone() -> None:
+    edit_scene("frames: 4", "frames: 3")
+    report()
+    assert golden("scenes", "--accept", "report", "--only", "engine:3") == 0
+    assert [each["frame"] for each in golden_json()["frames"]] == [0, 1, 2]
+    edit_scene("frames: 3", "frames: 4")
+    code, films = report()
+    assert (code, statuses(films["engine"])[3]) == (1, "new"), "golden.json asks for all frames"
+
+
+def test_the_last_golden_is_not_removed_by_accepting(capsys: pytest.CaptureFixture[str]) -> None:
+    assert golden("scenes/engine.yaml", "--update", "--yes", "--frames", "3", "--prune") == 0
+    Path("scenes/golden.yaml").write_text("scenes: [engine.yaml]\nframes: 0\n")
+    edit_scene("frames: 4", "frames: 3")
+    shutil.rmtree("scenes/goldens/box")
+    code, films = report()
+    assert (code, statuses(films["engine"])) == (1, ["new", "missing"])
+    assert golden("scenes", "--accept", "report", "--only", "engine:3") == 2
+    assert "no golden of this film would be left" in capsys.readouterr().err
+    assert golden("scenes", "--accept", "report") == 0
+    assert [each["frame"] for each in golden_json()["frames"]] == [0]
+
+
+def test_more_frames_fail() -> None:
+    edit_scene("frames: 4", "frames: 6")
+    code, films = report()
+    assert (code, statuses(films["engine"])) == (1, [*["different"] * 4, "new", "new"])
+    assert golden("scenes", "--accept", "report") == 0
+    assert compare() == 0
+    edit_scene("frames: 6", "frames: 7")
+    assert golden("scenes/engine.yaml", "--update", "--yes") == 0
+    assert [each["frame"] for each in golden_json()["frames"]] == [*range(7)]
+    assert compare("scenes", "--frames", "::2") == 0
 
 
 def test_another_size_fails() -> None:
@@ -149,26 +209,31 @@ def test_one_step_in_one_pixel_fails() -> None:
     assert compare() == 1
 
 
-@pytest.mark.parametrize("spoil", ["no goldens", "no record", "damaged", "other format", "no scene", "a bad scene"])
+@pytest.mark.parametrize(
+    "spoil", ["no goldens", "no record", "cut off", "damaged", "other format", "no scene", "a bad scene"]
+)
 def test_what_cannot_be_compared_has_the_code_2(spoil: str, capsys: pytest.CaptureFixture[str]) -> None:
     error = {
         "no goldens": "this scene has no goldens",
-        "no record": "this scene has no goldens",
-        "damaged": "frame-0002.png: the PNG file is cut off",
+        "no record": "golden.json does not list all goldens in this folder",
+        "cut off": "or remove the folder and draw the goldens anew",
+        "damaged": "restore it by `git checkout -- scenes/goldens/engine/frame-0002.png`, or draw it anew by `hsplat",
         "other format": "format 'hsplat golden 2'",
-        "no scene": "1 folder of goldens without a scene: scenes/goldens/engine",
+        "no scene": "scenes/goldens/engine: no scene has these goldens; hint: restore the scene, or remove the folder: "
+        "`git rm -r scenes/goldens/engine`, or `hsplat golden scenes --update --prune`",
         "a bad scene": "camera.path.frames",
     }[spoil]
     if spoil == "no goldens":
         shutil.rmtree(ENGINE)
     elif spoil == "no record":
         (ENGINE / "golden.json").unlink()
+    elif spoil == "cut off":
+        (ENGINE / "golden.json").write_bytes((ENGINE / "golden.json").read_bytes()[:-20])
     elif spoil == "damaged":
         (ENGINE / NAMES[2]).write_bytes((ENGINE / NAMES[2]).read_bytes()[:-20])
     elif spoil == "other format":
         edit_sidecar(ENGINE / "golden.json", lambda data: data.update(format="hsplat golden 2"))
     elif spoil == "no scene":
-        Path("scenes/golden.yaml").touch()
         Path("scenes/engine.yaml").unlink()
     else:
         edit_scene("frames: 4", "frames: none")

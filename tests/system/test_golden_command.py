@@ -53,10 +53,10 @@ def test_the_first_goldens_are_the_frames_of_render(capsys: pytest.CaptureFixtur
     shutil.rmtree("scenes/goldens")
     assert main.run(["golden", "scenes"]) == 0
     captured = capsys.readouterr()
-    assert captured.out.splitlines()[-2:] == ["scenes/goldens/box: 4 goldens", "scenes/goldens/engine: 4 goldens"]
+    assert captured.out.splitlines()[1::2] == ["scenes/goldens/box: 4 goldens", "scenes/goldens/engine: 4 goldens"]
     assert "4/4 frames" in captured.err and "temporary" not in captured.err
     data = golden_json()
-    assert list(data) == ["format", "origins", "flicker", "frames"]
+    assert list(data) == ["format", "origins", "selection", "flicker", "frames"]
     (origin,) = data["origins"]
     assert origin["volume"]["shape"] == [16, 16, 8]
     assert "file" not in origin["scene"]["output"]
@@ -182,6 +182,47 @@ def test_frames_of_an_option_are_updated_alone_and_others_pruned() -> None:
     assert compare("scenes/engine.yaml") == 0
 
 
+def selection() -> object:
+    return golden_json()["selection"]
+
+
+def test_the_slice_of_golden_frames_is_recorded(capsys: pytest.CaptureFixture[str]) -> None:
+    assert selection() == ":"
+    assert golden(*UPDATE, "--frames", "1") == 0
+    assert selection() == ":", "a part of them was drawn again"
+    assert main.run(["golden", *UPDATE, "--frames", "::2", "--prune"]) == 0
+    assert "  frames ::2, in place of :" in capsys.readouterr().out.splitlines()
+    edit_scene("frames: 4", "frames: 6")
+    assert golden(*UPDATE) == 0
+    assert (selection(), [*frames()]) == ("::2", [0, 2, 4])
+    assert golden(*UPDATE, "--frames", ":3") == 0
+    assert (selection(), [*frames()]) == ("::2", [0, 1, 2, 4]), "not all frames of the slice before are drawn"
+    assert golden(*UPDATE, "--prune") == 0
+    assert (selection(), [*frames()]) == ("::2", [0, 2, 4])
+    assert golden(*UPDATE, "--frames", "0:") == 0
+    assert (selection(), [*frames()]) == ("0:", [0, 1, 2, 3, 4, 5]), "the option takes in all of them"
+    Path("scenes/golden.yaml").write_text("frames: 1\n")
+    assert golden("scenes", "--update", "--yes", "--prune") == 0
+    assert (selection(), [*frames()]) == ("1", [1])
+
+
+def test_an_update_after_a_partial_one_is_no_change_of_the_flicker_alone() -> None:
+    edit_sidecar(ENGINE / "golden.json", lambda data: data.pop("flicker"))
+    before = files()
+    assert golden("scenes", "--update") == 0
+    assert files() == before
+
+
+@pytest.mark.parametrize("arguments", [("--digests", "--limit", "45"), ("--digests", "--limit", "stated accuracy")])
+def test_digests_have_no_other_limit(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert golden(*UPDATE, *arguments) == 2
+    assert "digests have no limit but `same bytes`" in capsys.readouterr().err
+    assert golden(*UPDATE, "--digests") == 0
+    assert compare("scenes/engine.yaml", "--limit", "45") == 2
+    assert "hint: leave the limit out, or keep pictures by `pictures: files`" in capsys.readouterr().out
+    assert compare("scenes/engine.yaml", "--limit", "same bytes") == 0
+
+
 def test_an_update_is_of_the_golden_frames() -> None:
     assert golden(*UPDATE, "--frames", "1:3", "--prune") == 0
     edit_scene()
@@ -246,6 +287,25 @@ def test_a_limit_that_neighbours_pass_is_named(capsys: pytest.CaptureFixture[str
     assert "would pass" not in capsys.readouterr().out
 
 
+def test_goldens_without_a_scene_are_pruned(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("scenes/engine.yaml").unlink()
+    (ENGINE / "notes.txt").touch()
+    before = files()
+    assert main.run(["golden", "scenes", "--update", "--yes"]) == 0
+    assert "note: no scene has the goldens in scenes/goldens/engine: --prune removes them" in capsys.readouterr().out
+    assert golden("scenes", "--update", "--prune") == 2, "nobody can be asked"
+    assert files() == before
+    capsys.readouterr()
+    assert main.run(["golden", "scenes", "--update", "--prune", "--yes"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "scenes/goldens/engine: 4 goldens removed, which no scene has",
+        "scenes/goldens/engine: removed",
+    ]
+    assert [path.name for path in ENGINE.iterdir()] == ["notes.txt"]
+    (ENGINE / "notes.txt").unlink()
+    assert compare() == 0
+
+
 # Refusals, before anything is drawn
 
 
@@ -299,6 +359,20 @@ def test_a_place_where_nothing_can_be_written_is_found_before_drawing(monkeypatc
     Path("file").touch()
     assert golden("scenes/engine.yaml", "--goldens", "file") == 2
     assert golden("scenes/engine.yaml", "--goldens", "/proc") == 1
+
+
+def test_a_job_that_a_change_starts_replaces_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit_scene()
+    before = files()
+    monkeypatch.setenv("GITHUB_EVENT_NAME", "pull_request")
+    for option in ("--update", "--also"):
+        assert golden("scenes/engine.yaml", option, "--yes") == 2
+        assert f"{option}: goldens do not change in a job that" in capsys.readouterr().err
+    assert files() == before
+    monkeypatch.setenv("GITHUB_EVENT_NAME", "workflow_dispatch")
+    assert golden(*UPDATE) == 0
 
 
 # Interrupts

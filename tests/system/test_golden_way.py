@@ -163,7 +163,7 @@ def test_from_a_change_to_accepted_goldens(repository: Repository, tmp_path: Pat
 
     inputs = {"scenes": "scenes", "accept": str(artifact), "only": "--only engine"}
     job = repository.run_job("pull_request", artifact, in_place=True, **inputs)
-    assert job.code == 2 and "goldens are not accepted in a job that a change starts" in job.printed
+    assert job.code == 2 and "goldens do not change in a job that a change of the code starts" in job.printed
     assert repository.goldens() == before
     job = repository.run_job("workflow_dispatch", artifact, in_place=True, **inputs)
     assert (job.code, job.ran) == (0, [*INSTALLS[:3], "Accept"]), job.printed

@@ -128,6 +128,7 @@ def test_measurements_before_the_end_are_kept(monkeypatch, capsys, end, num_befo
     assert note in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_quick_study_agrees_with_a_whole_one(capsys: pytest.CaptureFixture[str]) -> None:
     """Its intervals, of nearly every setting, hold what all pixels say; the files have both ends."""
     lit = ("--set", "shading={ambient: 0.4, diffuse: 0.6}", "--frames", "0:8:4", "--tolerances", "2,1,0.5,0.2,0.05,0")

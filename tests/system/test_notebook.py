@@ -38,6 +38,7 @@ def test_the_notebook_is_kept_without_outputs() -> None:
     assert not any(cell.get("outputs") or cell.get("execution_count") for cell in notebook.cells)
 
 
+@pytest.mark.slow
 def test_what_the_notebook_shows(outputs: list[dict[str, Any]]) -> None:
     array, image, shape, chosen, film, paths, truth, errors = outputs
     assert array["text/plain"] == "((48, 48, 48), dtype('float32'))"

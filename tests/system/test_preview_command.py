@@ -76,6 +76,7 @@ def test_a_scene_and_the_lines_of_its_variants() -> None:
     assert "a turn in 24 pictures" in Page(text).prose.lower() and "from 90" in Page(text).prose
 
 
+@pytest.mark.slow
 def test_volumes_labels_and_what_moves() -> None:
     np.save("head.npy", head_in_hounsfield_units())
     labels = 1 * ball((0, 0, 0), 0.8, 24) + ball((0, 0, 0.3), 0.4, 24)

@@ -109,6 +109,7 @@ def connected(address: str, request: bytes) -> socket.socket:
     return connection
 
 
+@pytest.mark.slow
 def test_connections_that_hold_their_places_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether they send nothing, or a byte now and then; further ones are closed at once meanwhile."""
     monkeypatch.setattr("hsplat_cli.preview.server.IDLE_S", 0.5)
@@ -128,6 +129,7 @@ def test_connections_that_hold_their_places_are_closed(monkeypatch: pytest.Monke
             assert page.status == 200
 
 
+@pytest.mark.slow
 def test_a_client_that_leaves_is_no_news(capfd: pytest.CaptureFixture[str]) -> None:
     large = State(1, error="x" * 10_000_000)
     with served_states("scene") as (address, show):

@@ -95,6 +95,7 @@ def test_a_search_is_printed_and_recorded(capsys: pytest.CaptureFixture[str]) ->
         assert Path(f"found/{frame}.png").read_bytes() == Path(f"given/{frame}.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_tolerances_of_bricks_vary_along_the_film_and_are_made_again(scheduler: str) -> None:
     bricks = ("--set", "splat.footprint=integrated", "--set", "error.psnr=46", *FEWER_FRAMES)
     render("--quiet", *bricks)
@@ -122,6 +123,7 @@ def test_a_film_that_misses_the_accuracy_says_so(monkeypatch, capsys) -> None:
     render("--quiet", *FEWER_FRAMES, "--best-effort")
 
 
+@pytest.mark.slow
 def test_measure_finds_a_tolerance_for_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     """It prints a line that takes the place of what the scene asks for. Whole truths need no margin."""
     render("--quiet", *RMSE, *FEWER_FRAMES)

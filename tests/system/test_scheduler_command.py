@@ -49,6 +49,7 @@ def test_the_same_film(scheduler: str, film_of_one_process: bytes) -> None:
     assert files(".") == ["film.mp4", "film.mp4.json", "scene.yaml"]
 
 
+@pytest.mark.slow
 def test_a_killed_job_resumes(scheduler: str, film_of_one_process: bytes) -> None:
     """The next one draws in its own process, or on the same cluster, whose workers have forgotten the killed one."""
     for options in ([], ["--scheduler", scheduler]):

@@ -260,5 +260,7 @@ def test_the_terminal_names_the_changed_line_and_the_nearer_picture() -> None:
         "b.yaml:5: error.tolerance was 0.1, is 0.2",
         "1 of 1 frame fails: 1 different",
     ]
+    lines = comparison_text(Comparison((near, film("a", failing())))).splitlines()
+    assert [lines.index(f"{name}: 1 of 1 frame fails: 1 different") for name in "ab"] == [0, 3], "names come first"
     some = film("b", *(failing(f"x{number}") for number in range(12)))
     assert "... and 2 more frames that fail" in comparison_text(Comparison((some,)))

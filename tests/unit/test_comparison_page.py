@@ -105,7 +105,7 @@ def test_a_film_whose_name_no_command_line_can_hold_is_shown_but_not_accepted() 
     assert "accepts" not in data["films"][0]["frames"][0]
 
 
-def test_frames_that_fail_with_a_number_and_a_new_picture_can_be_accepted() -> None:
+def test_frames_that_fail_with_a_number_and_a_new_picture_or_none_any_more_can_be_accepted() -> None:
     frames = [
         frame(0, 50.0, passes=True),
         frame(1),
@@ -115,9 +115,14 @@ def test_frames_that_fail_with_a_number_and_a_new_picture_can_be_accepted() -> N
         replace(frame(5), frame=None),
     ]
     _, data = page_of(film("engine", *frames))
-    assert [index for index, each in enumerate(data["films"][0]["frames"]) if each.get("accepts")] == [1, 4]
+    assert [index for index, each in enumerate(data["films"][0]["frames"]) if each.get("accepts")] == [1, 2, 4]
     _, data = page_of(replace(film("engine", *frames), scene=""))
     assert not any(each.get("accepts") for each in data["films"][0]["frames"])
+
+
+def test_the_bar_of_failing_frames_has_a_legend() -> None:
+    page, _ = page_of(film("a", frame(0, 50.0, passes=True), frame(1, 20.0)), film("b", frame(0, 50.0, passes=True)))
+    assert page.prose.count("At the bottom: frames that fail, those of them that you accept.") == 1
 
 
 def test_addresses_of_pictures_are_quoted() -> None:
@@ -143,8 +148,9 @@ def test_a_chart_needs_two_figures() -> None:
 def test_flicker_and_nearness_are_told() -> None:
     near = frame(1, nearer=Nearness(40.0, 50.0, differs=True))
     exact = frame(2, nearer=Nearness(200.0, 50.0, differs=True))
-    page, data = page_of(film("a", near, exact, flicker=Flickers(0.5, 1.25)))
-    assert "flicker: the goldens have 0.50 levels of 255, the new pictures 1.25" in page.prose
+    page, data = page_of(film("a", near, exact, flicker=Flickers(1.25, 0.5)))
+    assert "flicker: the goldens have 0.50 levels of 255, the new pictures have 1.25" in page.prose
+    assert "flicker: the new pictures have 1.25 levels" in page_of(film("a", near, flicker=Flickers(1.25)))[0].prose
     text = "nearer to the exact picture: the golden has 40.0 dB of the exact picture, the new one 50.0 dB"
     assert f"frame-0001.png: {text}" in page.prose and data["films"][0]["frames"][0]["nearer"] == text
     assert "further from the exact picture: the golden has 200 dB or more of the exact picture" in page.prose
@@ -152,7 +158,9 @@ def test_flicker_and_nearness_are_told() -> None:
 
 def test_changes_show_colours_with_a_swatch_and_say_what_is_not_there() -> None:
     changes = (Change("points.0.color", "#ffa500", "#008080", 4), Change("light", "", "1"), Change("title", "1", ""))
-    page, _ = page_of(film("a", frame(1), changes=changes))
+    voxels = Change("volume.fingerprint", "0" * 32, "1" * 32)
+    page, _ = page_of(film("a", frame(1), changes=(*changes, voxels)))
+    assert "digest of the volume's voxels" in page.prose
     swatches = [value for value in page.values("style") if value.startswith("background: #")]
     assert swatches == ["background: #ffa500", "background: #008080"]
     assert "not there" in page.words and "gone" in page.words

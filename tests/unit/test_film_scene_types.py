@@ -11,10 +11,9 @@ ROOT = Path(__file__).parents[2]
 
 # Reads of a film, each of which gives a value of some frame, or none.
 READS = """
-from renderer.frame import FilmStage
 from renderer.scene import FilmScene, tolerance_at
 
-def read(film: FilmScene, stage: FilmStage) -> list[object]:
+def read(film: FilmScene) -> list[object]:
     number: float
     (layer, *_) = film.film_layers
     {read}
@@ -27,7 +26,6 @@ AT_A_FRAME = {
     "clip plane": "number = film.at(7).clip[0].plane.point[0]  # type: ignore[union-attr]",
     "weight": "number = film.film_layers[0].at(7).weight",
     "tolerance": "number = tolerance_at(film.error, 7)",
-    "stage": "number = stage.at(7).scene.camera.field_of_view",
 }
 
 WITHOUT_A_FRAME = {
@@ -38,7 +36,6 @@ WITHOUT_A_FRAME = {
     "weight": "number = layer.weight",
     "tolerance": "number = film.error.tolerance",
     "background": "number = film.output.background[0]  # type: ignore[index]",
-    "stage": "number = stage.scene.camera.field_of_view",
 }
 
 

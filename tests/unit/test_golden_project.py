@@ -63,16 +63,15 @@ def test_scenes_outside_of_this_folder(folder: Path, monkeypatch: pytest.MonkeyP
 def test_a_project_file_gives_scenes_goldens_and_rules() -> None:
     touch("scenes/a.yaml", "scenes/deep/b.yaml", "scenes/c.yaml", "other.yaml")
     project_file(
-        "scenes: ['scenes/**/*.yaml']\ngoldens: kept\nframes: 7\nlimit: 45\npictures: digests\n"
-        "each:\n  scenes/a.yaml: {limit: same bytes, frames: 0:10}\n  ./scenes/c.yaml: {pictures: files}\n"
+        "scenes: ['scenes/**/*.yaml']\ngoldens: kept\nframes: 7\nlimit: same bytes\npictures: digests\n"
+        "each:\n  scenes/a.yaml: {limit: 45, pictures: files}\n  ./scenes/c.yaml: {frames: 0:10}\n"
     )
     project = find_project([])
     rules = {scene.name: scene.rules for scene in project.scenes}
-    decibels = Limit("decibels", 45)
     assert rules == {
-        "scenes/a": SceneRules("0:10", Limit("same bytes"), "digests"),
-        "scenes/c": SceneRules("7", decibels, "files"),
-        "scenes/deep/b": SceneRules("7", decibels, "digests"),
+        "scenes/a": SceneRules("7", Limit("decibels", 45), "files"),
+        "scenes/c": SceneRules("0:10", Limit("same bytes"), "digests"),
+        "scenes/deep/b": SceneRules("7", Limit("same bytes"), "digests"),
     }
     assert goldens_of(".") == {name: f"kept/{name}" for name in rules}
     given = SceneRules(frames="1", limit=Limit("decibels", 20))
@@ -95,11 +94,42 @@ def test_a_scene_that_is_named_alone_keeps_the_rules_of_its_project(monkeypatch:
     assert "not in the golden.yaml that lists the other scenes" in refusal(".")
 
 
-def test_goldens_without_a_scene_are_found_in_projects_with_a_file() -> None:
-    touch("a.yaml", "goldens/a/golden.json", "goldens/b/golden.json", "goldens/a/golden.ready/golden.json")
-    assert find_project(["."]).unused == []
-    project_file("")
-    assert find_project([]).unused == [Path("goldens/b")]
+@pytest.mark.parametrize(
+    ("places", "expected"),
+    [
+        (["s"], ["s/goldens/c"]),
+        (["s/*.yaml"], ["s/goldens/c"]),
+        (["s/a.yaml", "s/b.yaml"], ["s/goldens/c"]),
+        (["s/a.yaml"], []),
+        (["s/a.yaml", "t/d.yaml"], ["t/goldens/e"]),
+        (["t/d.yaml"], []),
+        (["s", "t"], ["s/goldens/c", "t/goldens/e"]),
+    ],
+)
+@pytest.mark.parametrize("is_listed", [False, True])
+def test_goldens_without_a_scene_are_found_where_all_scenes_are_named(
+    places: list[str], expected: list[str], is_listed: bool
+) -> None:
+    touch("s/a.yaml", "s/b.yaml", "t/d.yaml")
+    for name in ("s/goldens/a", "s/goldens/c", "s/goldens/a/golden.ready", "t/goldens/d", "t/goldens/e"):
+        touch(f"{name}/golden.json")
+    if is_listed:  # the goldens of the project are in the folder of the same name
+        project_file("scenes: ['*/*.yaml']\ngoldens: all\n")
+        for name in "st":
+            Path("all").mkdir(exist_ok=True)
+            Path(name, "goldens").rename(f"all/{name}")
+        expected = [f"all/{name.replace('goldens/', '')}" for name in expected]
+    assert [folder.path.as_posix() for folder in find_project(places).unused] == expected
+
+
+def test_goldens_of_a_sidecar_have_a_scene() -> None:
+    touch("a.yaml", "film.mp4.json", "goldens/a/golden.json", "goldens/film.mp4/golden.json", "goldens/b/golden.json")
+    assert [str(folder.path) for folder in find_project(["."]).unused] == ["goldens/b"]
+
+
+def test_goldens_in_a_folder_that_several_share_have_scenes_in_all_of_them() -> None:
+    touch("s/a.yaml", "t/b.yaml", "kept/a/golden.json", "kept/b/golden.json", "kept/c/golden.json")
+    assert [str(folder.path) for folder in find_project(["s", "t"], Path("kept")).unused] == ["kept/c"]
 
 
 def test_scenes_that_share_their_goldens_are_refused() -> None:
@@ -149,7 +179,10 @@ def test_places_without_scenes(places: list[str], error: str) -> None:
         ("goldens: kept/../..", "goldens: outside the project"),
         ("frames: all", "golden.yaml:1:9: frames: not a range of frames"),
         ("frames: 1.5", "frames: not a range of frames"),
+        ("frames: '::0'", "frames: not a range of frames"),
         ("limit: 450 dB", "limit: out of range"),
+        ("{limit: 45 dB, pictures: digests}", "golden.yaml:1:9: limit: digests have no limit but `same bytes`"),
+        ("each: {a.yaml: {limit: 45, pictures: digests}}", "each.a.yaml.limit: digests have no limit"),
         ("pictures: none", "pictures"),
         ("each: {b.yaml: {limit: 40}}", "each.b.yaml: no such scene in the project\n"),
         ("each: {a.yaml: {scenes: x}}", "each.a.yaml.scenes: unknown key"),

@@ -60,6 +60,9 @@ def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
         (lambda data: data["frames"][0].update(pictures=[first(data)] * 2), "two pictures have the same file"),
         (lambda data: data["frames"].reverse(), "frames"),
         (lambda data: data.update(frames=[]), "frames: empty"),
+        (lambda data: data.pop("selection"), "selection"),
+        (lambda data: data.update(selection="::0"), "selection: not a range of frames"),
+        (lambda data: data.update(selection="0:1\n"), "selection: not a range of frames"),
         (lambda data: data.update(origins=[]), "origins: wrong number of items"),
         (lambda data: data["origins"][0].update(device="a\x1b[31m"), "origins.0.device: not a line of text"),
         (lambda data: data["origins"][0]["volume"].pop("fingerprint"), "origins.0.volume.fingerprint"),
@@ -90,5 +93,5 @@ def test_digests_tell_shapes_apart() -> None:
 
 def test_the_files_of_a_record_are_those_of_all_pictures() -> None:
     assert RECORD.files == {"frame-0000.png", "frame-0003.png"}
-    digests = GoldenRecord((ORIGIN,), (Golden(0, (GoldenPicture("0" * 32, 0),)),))
+    digests = GoldenRecord((ORIGIN,), (Golden(0, (GoldenPicture("0" * 32, 0),)),), ":")
     assert digests.files == set()

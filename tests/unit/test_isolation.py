@@ -185,12 +185,14 @@ def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_large_files_have_time_to_be_parsed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("renderer.readers.isolation._SECONDS", 2)
     Path("scan.x").write_bytes(bytes(32 << 20))
     assert read("use_the_processor").values.shape == (3, 4, 5)
 
 
+@pytest.mark.slow
 def test_sparse_files_have_no_more_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("renderer.readers.isolation._SECONDS", 2)
     os.truncate("scan.x", 32 << 20)

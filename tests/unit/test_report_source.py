@@ -187,7 +187,14 @@ def test_damaged_data(tmp_path: Path) -> None:
 def test_equal_names(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="Duplicate name"):
         path = archive(tmp_path / "report.zip", (PICTURE, b"one"), (PICTURE, b"other"))
-    assert "equal names" in refusal(path)
+    assert f"an archive with two files {PICTURE}" in refusal(path)
+
+
+def test_too_many_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = archive(tmp_path / "report.zip", (PICTURE, b"one"))
+    monkeypatch.setattr("hsplat_cli.compare.report_source._MAX_ENTRIES", 1)
+    text = refusal(path)
+    assert "got: an archive of 2 files" in text and "expected: at most 1" in text
 
 
 def test_an_artifact_may_have_several_reports(tmp_path: Path) -> None:
@@ -207,7 +214,7 @@ def test_an_artifact_may_have_several_reports(tmp_path: Path) -> None:
 def test_archives_without_a_report(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "none.zip", "w"):
         pass
-    assert "0 files report.json" in refusal(tmp_path / "none.zip")
+    assert "no report.json in it" in refusal(tmp_path / "none.zip")
 
 
 END = b"PK\x05\x06"

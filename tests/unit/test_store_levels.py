@@ -94,6 +94,7 @@ def test_a_smooth_field_takes_a_coarse_level_and_a_rough_one_the_finest(tmp_path
     assert finest.number == 0 and finest.num_measured == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize("field", [smooth, rough])
 def test_the_error_is_that_of_whole_exact_pictures(tmp_path: Path, field: Any) -> None:
@@ -187,6 +188,8 @@ def test_a_kept_choice_takes_no_measurement(tmp_path: Path, monkeypatch: pytest.
         tree = scene_to_dict(scene)
         elsewhere = tree["output"] | {"file": "/b-{frame}.png"}
         assert not is_measured(parse_scene(tree | {"output": elsewhere}, base=tmp_path))
+        path = tree["camera"]["path"] | {"elevation": 50}
+        assert is_measured(parse_scene(tree | {"camera": tree["camera"] | {"path": path}}, base=tmp_path))
         other = tree["output"] | {"background": "#ff0000"}
         assert is_measured(parse_scene(tree | {"output": other}, base=tmp_path))
         for file in (tmp_path / "cache").glob("choice-*/*.npy"):
@@ -294,7 +297,10 @@ def test_a_part_has_the_place_and_the_voxels_of_its_level(tmp_path: Path) -> Non
     assert part is not None
     wanted = np.zeros_like(finest)
     wanted[16:32, 8:16, 8:24] = finest[16:32, 8:16, 8:24]
-    np.testing.assert_array_equal(part.values, wanted[3:, :, 10:50])
+    assert part.blocks is not None and part.box is not None
+    z, y, x = part.blocks.places(part.box)
+    found = part.values.reshape(-1)[z[:, None, None] + y[:, None] + x]
+    np.testing.assert_array_equal(found, wanted[3:, :, 10:50])
     np.testing.assert_array_equal(part.world_from_index, read_volume(spec).world_from_index)
     np.save(tmp_path / "b.npy", finest)
     assert read_part(VolumeSpec(FileSource(tmp_path / "b.npy")), None) is None

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+from hsplat_cli.compare.ci_files import change_text
 from hsplat_cli.compare.golden.drawing import load_golden_job, origin_of_scene
 from hsplat_cli.compare.golden.golden_folder import Content
 from hsplat_cli.compare.golden.project import GoldenProject, GoldenScene
@@ -19,8 +20,9 @@ from hsplat_cli.compare.golden.record import (
     golden_file_name,
     picture_digest,
 )
-from hsplat_cli.compare.golden.update import GoldenUpdate, compact, keeps_files, with_picture
-from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame, ReportPicture
+from hsplat_cli.compare.golden.update import GoldenUpdate, compact, keeps_files, require_person, with_picture
+from hsplat_cli.compare.golden.value_text import changed_value
+from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame, ReportPicture
 from hsplat_cli.compare.picture_file import decode_picture
 from hsplat_cli.compare.report_source import ReportSource, read_report, read_report_picture
 from hsplat_cli.scenes import SceneRequest
@@ -28,14 +30,8 @@ from renderer.errors import InputError
 from renderer.job import FilmJob
 from renderer.scene import MAX_FRAMES, counted, did_you_mean, first_few
 
-# The events by which GitHub and GitLab start a job for a change of the code.
-_EVENTS_OF_CHANGES = (
-    "push",
-    "pull_request",
-    "pull_request_target",
-    "merge_group",
-    "merge_request_event",
-)
+# The remedy where a film has none of the frames of its goldens any more.
+_HINT_FOR_REMOVALS = "`hsplat golden --update --prune` draws the film's own frames, and removes the others"
 # A run of frames in `--only`: `7`, or `12-18`.
 _RUN = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
 
@@ -51,6 +47,8 @@ class Decision:
 def parse_decision(text: str) -> Decision:
     """Return the decision that a value of `--only` spells: `engine`, or `scenes/engine:12-18,40`."""
     film, colon, runs = text.rpartition(":")
+    if not (film or runs):
+        raise InputError("an empty name", where="--only", got=repr(text), expected="SCENE, or SCENE:12-18,40")
     if not colon:
         return Decision(text)
     frames = set[int]()
@@ -76,7 +74,7 @@ def plan_acceptance(
     Raises InputError if a scene, its volume or its goldens are not those that were compared, if a report was edited,
     if there is nothing to accept, or if the job compares. Frames that were accepted before are left out.
     """
-    _require_person()
+    require_person("--accept")
     reported = [(source, film) for source in sources for film in read_report(source).films]
     where = f"{sources[0].path} and {len(sources) - 1} more" if len(sources) > 1 else str(sources[0].path)
     failing = dict[str, tuple[ReportSource, ComparedFilm]]()
@@ -86,15 +84,15 @@ def plan_acceptance(
             raise InputError("two films that fail have one name", where=where, got=got, hint="accept one report")
     decisions = _by_film(only) if only else dict.fromkeys(failing)
     if not decisions:
-        raise InputError("nothing fails in this report", where=where)
+        raise _nothing_fails([film for _, film in reported], where)
     scenes = {scene.name: scene for scene in project.scenes}
     updates = []
     for name, frames in decisions.items():
         if name not in failing:
             verdicts = [film.summary for _, film in reported if film.name == name]
             hint = None if verdicts else did_you_mean(name, failing)
-            got = ": ".join([name, *verdicts[:1]])
-            raise InputError("no such film fails in this report", where=where, got=got, hint=hint)
+            got, expected = ": ".join([name, *verdicts[:1]]), first_few([*failing])
+            raise InputError("no such film fails in this report", where=where, got=got, expected=expected, hint=hint)
         if name not in scenes:
             raise InputError(
                 "the project has no such scene",
@@ -110,21 +108,17 @@ def plan_acceptance(
     return updates
 
 
-def _require_person() -> None:
-    """Raise InputError in a job of GitHub or GitLab that a change of the code started: such jobs compare.
-
-    People decide which pictures become golden. They start a job that accepts by hand.
-    """
-    event = os.environ.get("GITHUB_EVENT_NAME", "")
-    if os.environ.get("CI_JOB_MANUAL") != "true":
-        event = event or os.environ.get("CI_PIPELINE_SOURCE", "")
-    if event in _EVENTS_OF_CHANGES:
-        raise InputError(
-            "goldens are not accepted in a job that a change starts",
-            where="--accept",
-            got=f"a job that `{event}` started",
-            expected="a job that a person starts, such as by workflow_dispatch",
-        )
+def _nothing_fails(films: Sequence[ComparedFilm], where: str) -> InputError:
+    """Return the error of a report without a film that fails: its films pass, or they could not be compared."""
+    errors = [f"{film.name}: {film.summary}" for film in films if film.verdict == "not compared"]
+    if not errors:
+        return InputError("nothing fails in this report", where=where)
+    return InputError(
+        f"nothing can be accepted: {counted(len(errors), 'film')} could not be compared",
+        where=where,
+        got=first_few(errors, between="; "),
+        hint="mend that, and compare again; `hsplat golden` draws the first goldens of a scene",
+    )
 
 
 def _by_film(decisions: Sequence[Decision]) -> dict[str, frozenset[int] | None]:
@@ -150,10 +144,10 @@ class _ReportedFilm:
         folder.finish()
         before = folder.find()
         failing = self._failing(numbers)
-        frames = [frame for frame in failing if before is None or not self._is_golden(before, frame)]
+        frames = [frame for frame in failing if before is None or not self._is_accepted(before, frame)]
         if not frames:
             return None  # accepted before, perhaps by a command that was killed afterwards
-        if before is None or not all(_has_same_golden(before, frame) for frame in frames):
+        if before is None or not all(self._has_same_golden(before, frame) for frame in frames):
             raise InputError(
                 "these goldens have changed since they were compared",
                 where=str(folder.path),
@@ -168,7 +162,11 @@ class _ReportedFilm:
             origins.append(self.film.origin)
         goldens, contents = {golden.frame: golden for golden in before.frames}, dict[str, Content]()
         for frame in frames:
-            assert frame.frame is not None and frame.new is not None
+            assert frame.frame is not None
+            if frame.new is None:
+                self._require_gone(frame.frame, job)
+                del goldens[frame.frame]
+                continue
             self._require_of_job(frame.frame, frame.new, job)
             picture = GoldenPicture(frame.new.digest, origins.index(self.film.origin), None, frame.new.psnr)
             golden = with_picture(frame.frame, before.of_frame(frame.frame), picture, also=also)
@@ -177,11 +175,14 @@ class _ReportedFilm:
                 golden = replace(golden, pictures=(*golden.pictures[:-1], replace(picture, file=name)))
                 contents[name] = partial(self._content, frame.new)
             goldens[frame.frame] = golden
+        if not goldens:
+            raise InputError("no golden of this film would be left", where=self._where, hint=_HINT_FOR_REMOVALS)
         folder.require_changeable([*contents, *before.files], job.input_files())
-        after = compact(GoldenRecord(tuple(origins), tuple(goldens[number] for number in sorted(goldens))))
-        after = replace(after, flicker=self._flicker(before, after, frames))
-        line = f"{self.film.name}: {counted(len(frames), 'frame')} accepted"
-        return GoldenUpdate(self.scene, before, after, contents, [line], asks=False)
+        after = compact(
+            GoldenRecord(tuple(origins), tuple(goldens[number] for number in sorted(goldens)), before.selection)
+        )
+        after = replace(after, flicker=self._flicker(before, after))
+        return GoldenUpdate(folder, before, after, contents, [_line(self.film.name, frames)], asks=False)
 
     @property
     def _where(self) -> str:
@@ -203,25 +204,41 @@ class _ReportedFilm:
                 expected=first_few(sorted(failing)),
             )
         frames = [failing[number] for number in wanted]
-        missing = [frame.name for frame in frames if frame.new is None or not frame.new.file]
+        missing = [frame.name for frame in frames if not frame.is_gone and (frame.new is None or not frame.new.file)]
         if missing:
-            hint = "`hsplat golden --update --prune` removes goldens of frames that the scene lacks"
-            raise InputError("no new picture in this report", where=self._where, got=first_few(missing), hint=hint)
+            raise InputError("no new picture in this report", where=self._where, got=first_few(missing))
         return frames
 
-    def _is_golden(self, record: GoldenRecord, frame: ComparedFrame) -> bool:
-        """Return whether the new picture of a frame is golden already."""
+    def _is_accepted(self, record: GoldenRecord, frame: ComparedFrame) -> bool:
+        """Return whether the new picture of a frame is golden already, or the golden of a lost frame removed."""
         golden = None if frame.frame is None else record.of_frame(frame.frame)
+        if frame.is_gone:
+            return golden is None
         if golden is None or frame.new is None:
             return False
         return any(each.digest == frame.new.digest and self.scene.folder.holds(each) for each in golden.pictures)
 
-    def _flicker(self, before: GoldenRecord, after: GoldenRecord, frames: Sequence[ComparedFrame]) -> float | None:
-        """Return the flicker of the new goldens; None if they are of two films."""
+    def _has_same_golden(self, record: GoldenRecord, frame: ComparedFrame) -> bool:
+        """Return whether the golden that a frame was compared with is still one of its goldens."""
+        golden = None if frame.frame is None else record.of_frame(frame.frame)
+        if golden is None or frame.old is None:
+            return golden is None and frame.old is None
+        return any(self.scene.folder.shown_digest(each) == frame.old.digest for each in golden.pictures)
+
+    def _flicker(self, before: GoldenRecord, after: GoldenRecord) -> float | None:
+        """Return the flicker of the new goldens; None unless they are the pictures of the film that was drawn."""
         if after.frames == before.frames:
             return before.flicker
-        is_whole = len(frames) == len(after.frames)
+        drawn = {frame.frame: frame.new.digest for frame in self.film.frames if frame.new is not None}
+        is_whole = {golden.frame: golden.pictures[0].digest for golden in after.frames} == drawn
         return self.film.flicker.new if is_whole and self.film.flicker else None
+
+    def _require_gone(self, number: int, job: FilmJob) -> None:
+        """Raise InputError if a scene has a frame that the report says it has not."""
+        if number in frozenset(job.frames):
+            raise InputError(
+                "the scene has this frame", where=self._where, got=f"frame {number}, without a new picture"
+            )
 
     def _require_of_job(self, number: int, new: ReportPicture, job: FilmJob) -> None:
         """Raise InputError unless a new picture is one that the report describes, and that the scene can have."""
@@ -245,12 +262,16 @@ class _ReportedFilm:
         return content
 
 
-def _has_same_golden(record: GoldenRecord, frame: ComparedFrame) -> bool:
-    """Return whether the golden that a frame was compared with is still one of its goldens."""
-    golden = None if frame.frame is None else record.of_frame(frame.frame)
-    if golden is None or frame.old is None:
-        return golden is None and frame.old is None
-    return any(each.digest == frame.old.digest for each in golden.pictures)
+def _line(name: str, frames: Sequence[ComparedFrame]) -> str:
+    """Return a line on accepted frames: `engine: 3 frames accepted, 1 golden removed`."""
+    num_gone = sum(frame.is_gone for frame in frames)
+    parts = [f"{counted(len(frames) - num_gone, 'frame')} accepted"] if num_gone < len(frames) else []
+    parts += [f"{counted(num_gone, 'golden')} removed"] if num_gone else []
+    return f"{name}: {', '.join(parts)}"
+
+
+def _in_words(path: str, was: Any, now: Any) -> str:
+    return change_text(Change(*changed_value(path.removeprefix("scene."), was, now)))
 
 
 def _require_same_inputs(drawn: Origin, job: FilmJob, file: Path) -> None:
@@ -260,6 +281,6 @@ def _require_same_inputs(drawn: Origin, job: FilmJob, file: Path) -> None:
         raise InputError(
             "the scene, or its volume, changed since the pictures were drawn",
             where=str(file),
-            got=first_few([key.removeprefix("scene.") for key, _, _ in changes]),
+            got=first_few([_in_words(*change) for change in changes], between="; "),
             hint="compare again, and accept from the new report",
         )

@@ -14,21 +14,27 @@ from renderer.scene import may_be_json, parse_yaml_file, read_content
 def changes_since(record: GoldenRecord, goldens: Sequence[Golden], now: Origin, file: Path) -> Iterator[Change]:
     """Yield the changes of scene, volume, device and versions since some goldens of a record were drawn, each once.
 
-    Goldens may have several origins: the changes from the origin that has most in common with this one count. file: of
-    the scene.
+    A frame may have goldens of several origins: the changes from the origin that has most in common with this one
+    count. file: of the scene.
     """
-    used = {picture.origin for golden in goldens for picture in golden.pictures}
-    origins = [record.origins[number] for number in sorted(used)]
-    nearest_origin = min(origins, key=lambda origin: (len(origin.changes(now)), origin.device != now.device))
-    lines = _lines(file)
-    for path, was, value in nearest_origin.changes(now):
-        key, before, after = changed_value(path.removeprefix("scene."), was, value)
-        yield Change(key, before, after, _line_of(key, lines))
-    if nearest_origin.device != now.device:
-        yield Change("device", nearest_origin.device, now.device)
-    for name in sorted(nearest_origin.versions.keys() & now.versions):
-        if nearest_origin.versions[name] != now.versions[name]:
-            yield Change(f"version of {name}", nearest_origin.versions[name], now.versions[name])
+    lines, found = _lines(file), dict[Change, None]()
+    for used in dict.fromkeys(frozenset(picture.origin for picture in golden.pictures) for golden in goldens):
+        origins = [record.origins[number] for number in sorted(used)]
+        nearest = min(origins, key=lambda origin: (len(origin.changes(now)), origin.device != now.device))
+        found |= dict.fromkeys(_changes(nearest, now, lines))
+    yield from found
+
+
+def _changes(before: Origin, now: Origin, lines: Mapping[str, int]) -> Iterator[Change]:
+    """Yield the changes from an origin to another one. lines: of the keys in the file of the scene."""
+    for path, was, value in before.changes(now):
+        key, old, new = changed_value(path.removeprefix("scene."), was, value)
+        yield Change(key, old, new, _line_of(key, lines))
+    if before.device != now.device:
+        yield Change("device", before.device, now.device)
+    for name in sorted(before.versions.keys() & now.versions):
+        if before.versions[name] != now.versions[name]:
+            yield Change(f"version of {name}", before.versions[name], now.versions[name])
 
 
 def _lines(file: Path) -> dict[str, int]:

@@ -7,9 +7,10 @@ counts. Its files are then moved into place, and the folder is removed. After a 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,8 +23,8 @@ from hsplat_cli.compare.golden.record import (
     picture_digest,
 )
 from hsplat_cli.compare.picture_file import is_picture, read_picture
-from renderer.errors import InputError
-from renderer.film import WrittenFiles, folder_files, locked_files, sync_to_disk, translate_os_errors
+from renderer.errors import InputError, SceneError
+from renderer.film import Pixels, WrittenFiles, folder_files, locked_files, sync_to_disk, translate_os_errors
 from renderer.scene import first_few
 from renderer.system import deferrable_interrupts
 
@@ -43,20 +44,36 @@ class GoldenFolder:
     def find(self) -> GoldenRecord | None:
         """Return the content of golden.json; None without it. Raises InputError, and SceneError for mistakes in it."""
         place = self._place(GOLDEN_RECORD_FILE)
-        return GOLDEN_RECORD.read(place) if os.path.lexists(place) else None
+        with _restorable(place, "remove the folder and draw the goldens anew"):
+            return GOLDEN_RECORD.read(place) if os.path.lexists(place) else None
 
     def file(self, name: str) -> Path:
         """Return the path of a golden's file, which may be missing."""
         return self._place(name)
+
+    def picture(self, name: str) -> Pixels:
+        """Return the picture in the file of a golden. Raises InputError if it is damaged."""
+        place = self.file(name)
+        with _restorable(place, "draw it anew by `hsplat golden --update`"):
+            return read_picture(place)
 
     def holds(self, picture: GoldenPicture) -> bool:
         """Return whether the file of a golden is there as golden.json describes it; golden digests have no file."""
         if picture.file is None:
             return True
         try:
-            return picture_digest(read_picture(self.file(picture.file))) == picture.digest
+            return picture_digest(self.picture(picture.file)) == picture.digest
         except InputError:
             return False
+
+    def shown_digest(self, picture: GoldenPicture) -> str:
+        """Return the digest of the picture that a golden shows: of its file, or, without one, as golden.json has it.
+
+        Raises InputError if the file is damaged.
+        """
+        if picture.file is None or not self.file(picture.file).exists():
+            return picture.digest
+        return picture_digest(self.picture(picture.file))
 
     def require_changeable(self, names: Iterable[str], inputs: Iterable[Path]) -> None:
         """Raise InputError or RenderError if files of these names cannot be written here, or are inputs of the scene.
@@ -101,13 +118,32 @@ class GoldenFolder:
         """
         with locked_files([self.path / GOLDEN_RECORD_FILE]):
             self._finish()
-            if self.find() != before:
-                hint = "run the command again"
-                raise InputError("another program has changed these goldens", where=str(self.path), hint=hint)
+            self._require(before)
             self._stage(after, contents)
             with deferrable_interrupts() as defer_interrupts:
                 defer_interrupts()
                 self._finish()
+
+    def remove(self, before: GoldenRecord) -> None:
+        """Remove golden.json and the pictures that it lists, and the folder, unless it has other files.
+
+        before: the content of golden.json that the removal was planned for. golden.json goes last: after a kill, it
+        still tells what is removed. Raises InputError if another program has changed the goldens.
+        """
+        with locked_files([self.path / GOLDEN_RECORD_FILE]):
+            self._finish()
+            self._require(before)
+            with translate_os_errors(self.path):
+                for name in [*before.files, GOLDEN_RECORD_FILE]:
+                    (self.path / name).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # other files are left in it
+            self.path.rmdir()
+
+    def _require(self, before: GoldenRecord | None) -> None:
+        """Raise InputError unless golden.json has the content that a change was planned for."""
+        if self.find() != before:
+            hint = "run the command again"
+            raise InputError("another program has changed these goldens", where=str(self.path), hint=hint)
 
     def _stage(self, record: GoldenRecord, contents: Mapping[str, Content]) -> None:
         """Write a change into the folder for changes that count."""
@@ -152,6 +188,19 @@ class GoldenFolder:
     def _place(self, name: str) -> Path:
         ready = self._ready / name
         return ready if os.path.lexists(ready) else self.path / name
+
+
+@contextlib.contextmanager
+def _restorable(path: Path, other: str) -> Iterator[None]:
+    """Add a hint to the error of a damaged file. other: the remedy where the file is in no repository."""
+    try:
+        yield
+    except InputError as error:
+        if error.hint == GOLDEN_RECORD.hint or isinstance(error, SceneError):
+            raise
+        remedy = f"restore it by `git checkout -- {path}`, or {other}"
+        hint = f"{error.hint}; {remedy}" if error.hint else remedy
+        raise InputError(error.what, where=error.where, got=error.got, expected=error.expected, hint=hint) from error
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import glob
 import os
-import re
+import shlex
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,16 +26,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from hsplat_cli.compare.golden.golden_folder import GoldenFolder
-from hsplat_cli.compare.limit import LIMIT_FIELD, Limit
+from hsplat_cli.compare.golden.record import GOLDEN_RECORD_FILE, SLICE_FIELD
+from hsplat_cli.compare.limit import HINT_FOR_DIGESTS, LIMIT_FIELD, LIMIT_OF_DIGESTS, SAME_BYTES, Limit
 from hsplat_cli.compare.picture_file import file_content
 from renderer.errors import InputError, Problem
 from renderer.film import folder_files
 from renderer.scene import (
     MAX_SCENE_BYTES,
     TreeEditor,
-    counted,
     did_you_mean,
-    first_few,
     join_keys,
     missing_file_error,
     parse_yaml_file,
@@ -56,29 +55,21 @@ _BELOW = f"a path below the folder of {PROJECT_FILE}"
 Pictures = Literal["files", "digests"]
 _PICTURES_FIELD: schema.FieldType[Pictures] = schema.choice_field("files", "digests")
 
-# A Python slice of frames, or the number of one.
-_FRAMES = re.compile(r"-?[0-9]{1,9}|(?:-?[0-9]{1,9})?:(?:-?[0-9]{1,9})?(?::[0-9]{0,9})?")
 
-
-def _parse_frames(node: schema.TreeNode) -> Any:
-    text = str(node.value) if type(node.value) is int else node.value
-    if not isinstance(text, str) or not _FRAMES.fullmatch(text.replace(" ", "")):
-        return node.reject("not a range of frames")
-    return text
-
-
-_FRAMES_FIELD: schema.FieldType[str] = schema.FieldType("a Python slice such as ::10, or one number", _parse_frames)
+def _check_limit(node: schema.TreeNode, given: dict[str, Any]) -> None:
+    if given.get("pictures") == "digests" and isinstance(given.get("limit"), Limit) and given["limit"] != SAME_BYTES:
+        node.child("limit").reject(LIMIT_OF_DIGESTS, got=str(given["limit"]), hint=HINT_FOR_DIGESTS)
 
 
 @dataclass(frozen=True)
 class SceneRules:
     """The rules for the goldens of a scene; None for a rule that is not given.
 
-    frames: a Python slice of the frames that `hsplat golden` stores first. limit: the largest difference that passes.
+    frames: a Python slice of the frames that should have goldens. limit: the largest difference that passes.
     pictures: how goldens are kept.
     """
 
-    frames: Annotated[str | None, _FRAMES_FIELD] = None
+    frames: Annotated[str | None, SLICE_FIELD] = None
     limit: Annotated[Limit | None, LIMIT_FIELD] = None
     pictures: Annotated[Pictures | None, _PICTURES_FIELD] = None
 
@@ -103,12 +94,33 @@ class GoldenProject:
     """A project of goldens.
 
     root: the folder to which the names of scenes are relative. scenes: at least one, in the order of names. unused:
-    folders of goldens that belong to no scene of the project, which are found only in a project with a file.
+    the folders of goldens that belong to no scene. They are looked for where all scenes of a golden.yaml, or of a
+    folder, are named.
     """
 
     root: Path
     scenes: Sequence[GoldenScene]
-    unused: Sequence[Path] = ()
+    unused: Sequence[GoldenFolder] = ()
+
+
+@dataclass(frozen=True)
+class _Place:
+    """The scenes that a golden.yaml, a folder or a file names.
+
+    root: the folder to which the names of scenes are relative. goldens: the folder of their goldens, and of those of
+    others. listed: all scenes of a golden.yaml that have goldens there; None for all in the folder `root`.
+    """
+
+    root: Path
+    scenes: Sequence[GoldenScene]
+    goldens: Path
+    listed: Sequence[GoldenScene] | None = None
+
+    def whole(self) -> list[Path]:
+        """Return the files of all scenes that have goldens in the folder of goldens."""
+        if self.listed is not None:
+            return [scene.file for scene in self.listed]
+        return [file for file in folder_files(self.root) if _is_scene_name(file.name)]
 
 
 @dataclass(frozen=True)
@@ -119,21 +131,24 @@ class _ProjectFile:
         tuple[str, ...] | None, schema.sequence_field(schema.TEXT_FIELD, "a list of scenes and patterns")
     ] = None
     goldens: str = _GOLDENS
-    frames: Annotated[str | None, _FRAMES_FIELD] = None
+    frames: Annotated[str | None, SLICE_FIELD] = None
     limit: Annotated[Limit | None, LIMIT_FIELD] = None
     pictures: Annotated[Pictures | None, _PICTURES_FIELD] = None
     each: Annotated[
         Mapping[str, SceneRules],
-        schema.mapping_field(schema.dataclass_field(SceneRules), "a mapping of scenes to their rules", "a scene"),
+        schema.mapping_field(
+            schema.dataclass_field(SceneRules, _check_limit), "a mapping of scenes to their rules", "a scene"
+        ),
     ] = field(default_factory=dict)
 
 
 def parse_rules(frames: str | None, limit: str | None, pictures: Pictures | None = None) -> SceneRules:
-    """Return the rules that options give. Raises SceneError for a wrong limit."""
+    """Return the rules that options give. Raises SceneError for a wrong limit, or a wrong range of frames."""
     problems: list[Problem] = []
+    picked = None if frames is None else schema.read_option(SLICE_FIELD, frames, "--frames", problems)
     found = None if limit is None else schema.read_option(LIMIT_FIELD, limit, f"--limit {limit}", problems)
     raise_problems(problems)
-    return SceneRules(frames, found, pictures)
+    return SceneRules(picked, found, pictures)
 
 
 def find_project(places: Sequence[str], goldens: Path | None = None, rules: SceneRules | None = None) -> GoldenProject:
@@ -146,15 +161,14 @@ def find_project(places: Sequence[str], goldens: Path | None = None, rules: Scen
     Raises InputError where there is no scene, and SceneError for mistakes in golden.yaml.
     """
     rules, found = rules or SceneRules(), dict[Path, GoldenScene]()
-    roots, unused = list[Path](), list[Path]()
-    for place in places or [_own_project()]:
-        for path in _expanded(place):
-            project = _project_at(path, goldens, rules)
-            roots.append(project.root)
-            unused += project.unused
-            for scene in project.scenes:
-                found.setdefault(scene.file.resolve(), scene)
-    return _checked(_joined([Path(os.path.abspath(root)) for root in roots], [*found.values()], unused))
+    named = [path for place in places or [_own_project()] for path in _expanded(place)]
+    read = [_project_at(path, goldens, rules) for path in named]
+    for place in read:
+        for scene in place.scenes:
+            found.setdefault(scene.file.resolve(), scene)
+    is_one_file = len(named) == 1 and named[0].is_file() and named[0].name != PROJECT_FILE
+    unused = [] if is_one_file else [*_unused(read, found)]
+    return _checked(_joined([Path(os.path.abspath(place.root)) for place in read], [*found.values()], unused))
 
 
 def _own_project() -> str:
@@ -168,7 +182,7 @@ def _own_project() -> str:
     return PROJECT_FILE
 
 
-def _joined(roots: Sequence[Path], scenes: Sequence[GoldenScene], unused: Sequence[Path]) -> GoldenProject:
+def _joined(roots: Sequence[Path], scenes: Sequence[GoldenScene], unused: Sequence[GoldenFolder]) -> GoldenProject:
     """Return one project of the scenes of several; their names are relative to the folder that all have in common."""
     root = Path(os.path.commonpath(roots))
     if len(set(roots)) > 1:
@@ -214,8 +228,8 @@ def _is_scene_name(name: str) -> bool:
     return path.suffix.lower() in _SCENE_SUFFIXES and not path.name.startswith((".", "golden."))
 
 
-def _project_at(path: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject:
-    """Return the project at a path: of a golden.yaml, of a folder, or of one scene."""
+def _project_at(path: Path, goldens: Path | None, rules: SceneRules) -> _Place:
+    """Return the scenes at a path: of a golden.yaml, of a folder, or of one scene."""
     if path.is_dir() and os.path.lexists(path / PROJECT_FILE):
         path /= PROJECT_FILE
     if path.name == PROJECT_FILE:
@@ -241,13 +255,13 @@ def _require_scene_name(path: Path) -> None:
     raise InputError("not a scene", where=str(path), got=got, expected=f"a .yaml file, a folder, or {PROJECT_FILE}")
 
 
-def _scenes_of(files: Sequence[Path], folder: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject:
-    """Return the project of some scenes in a folder: those that the golden.yaml above them lists are its scenes."""
+def _scenes_of(files: Sequence[Path], folder: Path, goldens: Path | None, rules: SceneRules) -> _Place:
+    """Return some scenes in a folder: those that the golden.yaml above them lists are its scenes."""
     around = _project_around(folder, goldens, rules)
     listed = {scene.file.resolve(): scene for scene in around.scenes} if around else {}
     if around is None or not any(file.resolve() in listed for file in files):
         place = folder / _GOLDENS if goldens is None else goldens
-        return GoldenProject(folder, [_scene(file, folder, place, rules) for file in files])
+        return _Place(folder, [_scene(file, folder, place, rules) for file in files], place)
     others = [file for file in files if file.resolve() not in listed]
     if others:
         raise InputError(
@@ -255,11 +269,13 @@ def _scenes_of(files: Sequence[Path], folder: Path, goldens: Path | None, rules:
             where=str(others[0]),
             expected=f"scenes that {around.root / PROJECT_FILE} lists",
         )
-    return GoldenProject(around.root, [replace(listed[file.resolve()], file=file) for file in files])
+    scenes = [replace(listed[file.resolve()], file=file) for file in files]
+    place = scenes[0].folder.path.parent
+    return _Place(around.root, scenes, place, [each for each in around.scenes if place in each.folder.path.parents])
 
 
-def _project_around(folder: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject | None:
-    """Return the project of the nearest golden.yaml in a folder or above it; None without one."""
+def _project_around(folder: Path, goldens: Path | None, rules: SceneRules) -> _Place | None:
+    """Return the scenes of the nearest golden.yaml in a folder or above it; None without one."""
     here = Path(os.path.abspath(folder))
     for each in (here, *here.parents):
         if (each / PROJECT_FILE).is_file():
@@ -277,12 +293,12 @@ def _name(file: Path, root: Path) -> str:
     return Path(os.path.relpath(file, root)).with_suffix("").as_posix()
 
 
-def _read_project(path: Path, goldens: Path | None, rules: SceneRules) -> GoldenProject:
+def _read_project(path: Path, goldens: Path | None, rules: SceneRules) -> _Place:
     """Read a golden.yaml. Raises InputError, and SceneError with all mistakes in it."""
     tree = parse_yaml_file(file_content(path, MAX_SCENE_BYTES, f"a {PROJECT_FILE}"), path)
     problems: list[Problem] = []
     node = schema.TreeNode({} if tree.data is None else tree.data, "", problems)
-    read: Any = schema.dataclass_field(_ProjectFile).read(node)
+    read: Any = schema.dataclass_field(_ProjectFile, _check_limit).read(node)
     editor = TreeEditor(tree, path)
     raise_problems(editor.located_problems(problems))
     root = path.parent
@@ -301,7 +317,7 @@ def _read_project(path: Path, goldens: Path | None, rules: SceneRules) -> Golden
         name = own_rules.get(file.resolve())
         own = read.each[name] if name is not None else SceneRules()
         scenes.append(_scene(file, root, folder, rules.over(own.over(common))))
-    return GoldenProject(root, scenes, [*_unused(folder, scenes)])
+    return _Place(root, scenes, folder, scenes)
 
 
 def _is_below(entry: str) -> bool:
@@ -335,14 +351,32 @@ def _unknown_scenes(rules: Mapping[Path, str], files: Sequence[Path], root: Path
             yield Problem(join_keys("each", name), "no such scene in the project", hint=hint, at_key=True)
 
 
-def _unused(folder: Path, scenes: Sequence[GoldenScene]) -> Iterator[Path]:
-    """Yield the folders with a golden.json that belong to no scene."""
-    used = {scene.folder.path.resolve() for scene in scenes}
-    for record in sorted(folder.rglob("golden.json")) if folder.is_dir() else ():
-        if record.parent.resolve() not in used and not record.parent.name.startswith("golden."):
-            yield record.parent
+def _unused(places: Sequence[_Place], found: Mapping[Path, GoldenScene]) -> Iterator[GoldenFolder]:
+    """Yield the folders with a golden.json that belong to no scene, below goldens of which all scenes are named.
+
+    Goldens of a sidecar, which is a scene only where it is named, are left out. found: the scenes that are named, by
+    their files.
+    """
+    used = {scene.folder.path.resolve() for scene in found.values()}
+    distinct = {(place.root, place.goldens): place for place in places}
+    partial = {
+        place.goldens for place in distinct.values() if not all(file.resolve() in found for file in place.whole())
+    }
+    for goldens in dict.fromkeys(place.goldens for place in distinct.values()):
+        if goldens in partial or not goldens.is_dir():
+            continue
+        roots = [place.root for place in distinct.values() if place.goldens == goldens]
+        for record in sorted(goldens.rglob(GOLDEN_RECORD_FILE)):
+            folder = record.parent
+            sidecars = [root / f"{folder.relative_to(goldens)}{_SIDECAR_SUFFIX}" for root in roots]
+            is_used = folder.resolve() in used or any(sidecar.exists() for sidecar in sidecars)
+            if not is_used and not folder.name.startswith("golden."):
+                yield GoldenFolder(folder)
 
 
-def unused_error(unused: Sequence[Path]) -> str:
-    """Return why goldens without a scene are a failure."""
-    return f"{counted(len(unused), 'folder')} of goldens without a scene: {first_few([str(each) for each in unused])}"
+def unused_error(unused: GoldenFolder, arguments: Sequence[str]) -> InputError:
+    """Return the error of goldens without a scene. arguments: the words of the command line that name the project."""
+    by_git = shlex.join(["git", "rm", "-r", str(unused.path)])
+    update = shlex.join(["hsplat", "golden", *arguments, "--update", "--prune"])
+    hint = f"restore the scene, or remove the folder: `{by_git}`, or `{update}`"
+    return InputError("no scene has these goldens", hint=hint)

@@ -20,8 +20,21 @@ from renderer.scene import schema, short_text
 GOLDEN_RECORD_FILE = "golden.json"
 # Matches the file names that `golden_file_name` returns. The groups are the numbers of the frame and of the picture.
 GOLDEN_FILE = re.compile(r"frame-([0-9]{4,9})(?:-([2-9]))?\.png")
+# A Python slice of frames, or the number of one.
+_SLICE = re.compile(r"-?[0-9]{1,9}|(?:-?[0-9]{1,9})?:(?:-?[0-9]{1,9})?(?::(?:[1-9][0-9]{0,8})?)?")
+# The slice of all frames.
+ALL_FRAMES = ":"
 # The most pictures of a frame: names of files have one digit for them.
 MOST_PICTURES = 9
+
+
+def _parse_slice(node: schema.TreeNode) -> Any:
+    text = str(node.value) if type(node.value) is int else node.value
+    short = text.replace(" ", "") if isinstance(text, str) else ""
+    return short if _SLICE.fullmatch(short) else node.reject("not a range of frames")
+
+
+SLICE_FIELD: schema.FieldType[str] = schema.FieldType("a Python slice such as ::10, or one number", _parse_slice)
 
 
 @dataclass(frozen=True)
@@ -127,12 +140,14 @@ _FRAMES = types.frames(
 class GoldenRecord:
     """The content of golden.json.
 
-    origins: what drew the pictures. flicker: the flicker of the film, in levels of 8 bits, if neighbouring frames are
+    origins: what drew the pictures. selection: the Python slice of the film's frames that should have goldens; a film
+    that grows has more of them. flicker: the flicker of the film, in levels of 8 bits, if neighbouring frames are
     golden. frames: the goldens, in ascending order.
     """
 
     origins: Annotated[tuple[Origin, ...], schema.sequence_field(schema.dataclass_field(Origin), "a list of origins")]
     frames: Annotated[tuple[Golden, ...], _FRAMES]
+    selection: Annotated[str, SLICE_FIELD]
     flicker: Annotated[float | None, types.AMOUNT] = None
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -13,9 +14,10 @@ from hsplat_cli.compare.difference import measure_difference
 from hsplat_cli.compare.frame_comparison import compare_frame
 from hsplat_cli.compare.golden.changes import changes_since
 from hsplat_cli.compare.golden.drawing import DrawnFrames, default_limit, drawn_frames, load_golden_job
-from hsplat_cli.compare.golden.golden_folder import Content
+from hsplat_cli.compare.golden.golden_folder import Content, GoldenFolder
 from hsplat_cli.compare.golden.project import GoldenScene, SceneRules
 from hsplat_cli.compare.golden.record import (
+    ALL_FRAMES,
     MOST_PICTURES,
     Golden,
     GoldenPicture,
@@ -24,7 +26,7 @@ from hsplat_cli.compare.golden.record import (
     golden_file_name,
     picture_digest,
 )
-from hsplat_cli.compare.limit import SAME_BYTES, Limit
+from hsplat_cli.compare.limit import HINT_FOR_DIGESTS, LIMIT_OF_DIGESTS, SAME_BYTES, Limit
 from hsplat_cli.compare.picture_file import file_content, read_picture
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, format_table, parse_frames
@@ -33,6 +35,14 @@ from renderer.film import Pixels
 from renderer.job import FilmJob
 from renderer.scene import counted, first_few
 
+# The events by which GitHub and GitLab start a job for a change of the code.
+_EVENTS_OF_CHANGES = (
+    "push",
+    "pull_request",
+    "pull_request_target",
+    "merge_group",
+    "merge_request_event",
+)
 # The largest number of changed goldens that the terminal lists.
 _MAX_LINES = 20
 # The largest number of frames that a line names.
@@ -56,21 +66,44 @@ class GoldenOptions:
 class GoldenUpdate:
     """A change of the goldens of one scene.
 
-    before, after: the content of golden.json that the change was planned for, and the new one. contents: functions that
-    return the content of each new file. lines: the change, in words. asks: whether goldens are replaced or removed, so
-    that the user has to agree.
+    before, after: the content of golden.json that the change was planned for, and the new one; `after` is None if all
+    goldens are removed, as no scene has them. contents: functions that return the content of each new file. lines: the
+    change, in words. asks: whether goldens are replaced or removed, so that the user has to agree.
     """
 
-    scene: GoldenScene
+    folder: GoldenFolder
     before: GoldenRecord | None
-    after: GoldenRecord
+    after: GoldenRecord | None
     contents: Mapping[str, Content]
     lines: Sequence[str]
     asks: bool
 
-    def apply(self) -> None:
-        """Write the change."""
-        self.scene.folder.change(self.before, self.after, self.contents)
+    def apply(self) -> str:
+        """Write the change. Return a line on the goldens that there are now."""
+        if self.after is not None:
+            self.folder.change(self.before, self.after, self.contents)
+            return f"{self.folder.path}: {counted(len(self.after.frames), 'golden')}"
+        if self.before is not None:
+            self.folder.remove(self.before)
+        return f"{self.folder.path}: removed"
+
+
+def require_person(option: str) -> None:
+    """Raise InputError in a job of GitHub or GitLab that a change of the code started: such jobs compare.
+
+    People decide which pictures become golden. They start a job that changes goldens by hand. option: the option that
+    asks for it.
+    """
+    event = os.environ.get("GITHUB_EVENT_NAME", "")
+    if os.environ.get("CI_JOB_MANUAL") != "true":
+        event = event or os.environ.get("CI_PIPELINE_SOURCE", "")
+    if event in _EVENTS_OF_CHANGES:
+        raise InputError(
+            "goldens do not change in a job that a change of the code starts",
+            where=option,
+            got=f"a job that `{event}` started",
+            expected="a job that a person starts, such as by workflow_dispatch",
+        )
 
 
 def scenes_to_draw(scenes: Sequence[GoldenScene], options: GoldenOptions, reporter: Reporter) -> list[GoldenScene]:
@@ -79,6 +112,7 @@ def scenes_to_draw(scenes: Sequence[GoldenScene], options: GoldenOptions, report
     Raises InputError if all have goldens, and none of the options says what becomes of them.
     """
     if options.replaces or options.also:
+        require_person("--update" if options.replaces else "--also")
         return [*scenes]
     found = [scene for scene in scenes if scene.folder.find() is None]
     if not found:
@@ -103,26 +137,60 @@ def plan_update(
     before = scene.folder.find()
     scene.folder.unlisted(before)
     job = load_golden_job(SceneRequest(scene.file))
-    numbers = _frames(scene, frames, before, job)
+    numbers = _frames(scene, frames, before, job, prunes=options.prunes)
     names = {golden_file_name(frame, job.scene.num_frames) for frame in numbers} | (before.files if before else set())
     scene.folder.require_changeable(names, job.input_files())
-    limit = scene.rules.limit or default_limit(job)
+    limit = limit_of(scene, before, job)
     drawn = drawings.enter_context(drawn_frames(job, numbers, reporter))
     merger = _Merger(scene, before, drawn, job.scene.num_frames, options, limit)
     goldens = [merger.golden(frame) for frame in numbers]
-    after = merger.record(goldens)
-    if before == after and not merger.contents:
+    after = merger.record(goldens, _selection(scene, frames, before, job, numbers, prunes=options.prunes))
+    if before is not None and replace(after, flicker=before.flicker) == before and not merger.contents:
         return None
     lines = [*merger.lines(after), *_neighbour_lines(drawn, numbers, limit)]
-    return GoldenUpdate(scene, before, after, merger.contents, lines, merger.replaces)
+    return GoldenUpdate(scene.folder, before, after, merger.contents, lines, merger.replaces)
 
 
-def _frames(scene: GoldenScene, frames: str | None, before: GoldenRecord | None, job: FilmJob) -> list[int]:
-    """Return the frames that are drawn: those of the option, or the golden ones and those of the project."""
+def plan_removals(unused: Sequence[GoldenFolder], options: GoldenOptions, reporter: Reporter) -> list[GoldenUpdate]:
+    """Plan to remove the goldens that no scene has, if the options prune; else note each folder of an update."""
+    if not options.prunes:
+        for folder in unused if options.replaces else ():
+            reporter.note(f"no scene has the goldens in {folder.path}: --prune removes them")
+        return []
+    updates = []
+    for folder in unused:
+        before = folder.find()
+        if before is not None:
+            lines = [f"{folder.path}: {counted(len(before.frames), 'golden')} removed, which no scene has"]
+            updates.append(GoldenUpdate(folder, before, None, {}, lines, asks=True))
+    return updates
+
+
+def limit_of(scene: GoldenScene, record: GoldenRecord | None, job: FilmJob) -> Limit:
+    """Return the limit of a scene. record: the content of golden.json; None for first goldens.
+
+    Raises InputError for another limit than `same bytes` where only digests are kept.
+    """
+    if keeps_files(scene.rules, record):
+        return scene.rules.limit or default_limit(job)
+    if scene.rules.limit not in (None, SAME_BYTES):
+        got = f"{scene.rules.limit}"
+        raise InputError(LIMIT_OF_DIGESTS, where=f"limit of {scene.name}", got=got, hint=HINT_FOR_DIGESTS)
+    return SAME_BYTES
+
+
+def _frames(
+    scene: GoldenScene, frames: str | None, before: GoldenRecord | None, job: FilmJob, *, prunes: bool
+) -> list[int]:
+    """Return the frames that are drawn: of the option, or all that should have goldens, and, unless others are pruned,
+    all that have some.
+    """
     if frames is not None or before is None:
-        return [*parse_frames(frames or scene.rules.frames, job.scene.num_frames, job.frames)]
+        return [*parse_frames(scene.rules.frames, job.scene.num_frames, job.frames)]
     there = frozenset(job.frames)
-    found = [golden.frame for golden in before.frames if golden.frame in there]
+    found = {*selected_frames(scene.rules, before, job)}
+    if not prunes:
+        found |= {golden.frame for golden in before.frames if golden.frame in there}
     if not found:
         raise InputError(
             "the scene has none of the frames that have goldens",
@@ -131,19 +199,43 @@ def _frames(scene: GoldenScene, frames: str | None, before: GoldenRecord | None,
             expected=f"frame {before.frames[0].frame}, or others listed in {scene.folder.path}",
             hint="--update --frames : --prune draws all frames anew",
         )
-    return sorted([*found, *frames_without_goldens(scene.rules.frames, before, job)])
+    return sorted(found)
 
 
-def frames_without_goldens(frames: str | None, record: GoldenRecord, job: FilmJob) -> list[int]:
-    """Return the frames of a project that have no golden. frames: those that golden.yaml names; None for none.
+def selected_frames(rules: SceneRules, record: GoldenRecord, job: FilmJob) -> list[int]:
+    """Return the frames of a film that should have goldens: those that golden.yaml names, or else golden.json.
 
-    Raises InputError if the scene has none of the frames.
+    Raises InputError if golden.yaml names frames, and the film has none of them.
     """
-    if frames is None:
-        return []
-    named = parse_frames(frames, job.scene.num_frames, job.frames)
-    golden = {each.frame for each in record.frames}
-    return [number for number in named if number not in golden]
+    there = frozenset(job.frames)
+    try:
+        picked = parse_frames(rules.frames or record.selection, job.scene.num_frames)
+    except InputError:
+        if rules.frames is not None:
+            raise
+        return []  # the film has become shorter
+    return [number for number in picked if number in there]
+
+
+def _selection(
+    scene: GoldenScene,
+    frames: str | None,
+    before: GoldenRecord | None,
+    job: FilmJob,
+    numbers: Sequence[int],
+    *,
+    prunes: bool,
+) -> str:
+    """Return the slice of frames that golden.json names from now on.
+
+    That of an option counts if it takes in more frames than the slice before, or if the others are pruned.
+    """
+    if before is None:
+        return scene.rules.frames or ALL_FRAMES
+    is_part = frames is not None and not prunes
+    if is_part and not set(numbers) > {*selected_frames(SceneRules(), before, job)}:
+        return before.selection
+    return scene.rules.frames or before.selection
 
 
 def keeps_files(rules: SceneRules, before: GoldenRecord | None) -> bool:
@@ -211,12 +303,12 @@ class _Merger:
         """Return whether a drawn picture passes as a golden of the frame."""
         if golden.file is None or not self._scene.folder.holds(golden):
             return False
-        other = read_picture(self._scene.folder.file(golden.file))
+        other = self._scene.folder.picture(golden.file)
         psnr = self._drawn.psnr.get(frame)
         stated = None if golden.psnr is None or psnr is None else (golden.psnr, psnr)
         return compare_frame("", other, picture, self._limit, stated).passes
 
-    def record(self, goldens: Sequence[Golden]) -> GoldenRecord:
+    def record(self, goldens: Sequence[Golden], selection: str) -> GoldenRecord:
         """Return the new content of golden.json, with the goldens of frames that were not drawn."""
         drawn = {golden.frame for golden in goldens}
         rest = [golden for golden in self._before.frames if golden.frame not in drawn] if self._before else []
@@ -225,7 +317,7 @@ class _Merger:
             self._rows += [(golden_file_name(each.frame, self._num_frames), "removed") for each in rest]
         kept = [] if self._options.prunes else rest
         frames = tuple(sorted([*goldens, *kept], key=lambda golden: golden.frame))
-        return compact(GoldenRecord(tuple(self._origins), frames, None if kept else self._drawn.flicker))
+        return compact(GoldenRecord(tuple(self._origins), frames, selection, None if kept else self._drawn.flicker))
 
     def lines(self, after: GoldenRecord) -> list[str]:
         """Return the changes in words."""
@@ -236,6 +328,8 @@ class _Merger:
         found += [f"  {line}" for line in format_table(shown).splitlines()] if shown else []
         if len(self._rows) > len(shown):
             found.append(f"  and {len(self._rows) - len(shown)} more")
+        if after.selection != self._before.selection:
+            found.append(f"  frames {after.selection}, in place of {self._before.selection}")
         changes = [*changes_since(self._before, self._before.frames, self._drawn.origin, self._scene.file)]
         return [*found, *(f"  {change_text(change)}" for change in changes[:_MAX_NAMES])]
 
@@ -255,7 +349,7 @@ class _Merger:
         if old.file is None or not self._scene.folder.holds(old):
             self._rows.append((name, "other stored values"))
             return
-        pictures = read_picture(self._scene.folder.file(old.file)), read_picture(self._drawn.files[frame])
+        pictures = self._scene.folder.picture(old.file), read_picture(self._drawn.files[frame])
         self._rows.append((name, compare_frame(name, *pictures, SAME_BYTES).why.partition(";")[0]))
 
 
@@ -299,14 +393,22 @@ def _neighbour_lines(drawn: DrawnFrames, frames: Sequence[int], limit: Limit) ->
 
 
 def update_goldens(updates: Sequence[GoldenUpdate], reporter: Reporter, ask: Callable[[], bool], *, yes: bool) -> bool:
-    """Show all changes, ask once if goldens are replaced, and write them. Return whether they were written."""
+    """Ask once whether goldens are replaced, if any are, with all changes; write them, and show each that is written.
+
+    Return whether they were written. A film's goldens are written as a whole, or not at all.
+    """
     asks = any(update.asks for update in updates) and not yes
-    for update in updates:
-        for line in update.lines:
-            (reporter.result if asks else reporter.line)(line)
+    for line in [line for update in updates for line in update.lines] if asks else ():
+        reporter.result(line)
     if asks and not ask():
         return False
-    for update in updates:
-        update.apply()
-        reporter.line(f"{update.scene.folder.path}: {counted(len(update.after.frames), 'golden')}")
+    for number, update in enumerate(updates):
+        try:
+            state = update.apply()
+        except KeyboardInterrupt:
+            told = f"interrupted: the goldens of {number} of {counted(len(updates), 'film')} are written"
+            reporter.result(f"{told}; the same command writes the others")
+            raise
+        for line in [*([] if asks else update.lines), state]:
+            reporter.line(line)
     return True

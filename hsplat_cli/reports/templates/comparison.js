@@ -132,10 +132,10 @@ const ofFilms = { j: () => move(shown.film, 1), k: () => move(shown.film, -1) };
 
 // Whether an element needs a key for itself.
 function isTaken(target, key) {
-  if (target.matches("textarea, select, input:is([type=search], [type=number], :not([type]))")) return true;
-  if (key === " ") return target.matches("button, input, summary, a");
+  if (target.matches("textarea, #filter-verdict, input:is([type=search], [type=number], :not([type]))")) return true;
+  if (key === " ") return target.matches("button, input, select, summary, a");
   const isScrolled = target.matches(".scroll") || (target.matches(".view") && stage.dataset.zoom !== "fit");
-  return /^(Arrow|Home|End)/.test(key) && (target.matches("input[type=range]") || isScrolled);
+  return /^(Arrow|Home|End)/.test(key) && (target.matches("input[type=range], select") || isScrolled);
 }
 
 addEventListener("keydown", (event) => {

@@ -48,8 +48,9 @@ function showCommand() {
   for (const id of ["copy-command", "copy-workflow", "accept-none"]) document.getElementById(id).disabled = !count;
 }
 
-// The pages of some browsers have no clipboard, or none for files: the text is selected, to be copied by keys.
-async function copy(field) {
+// The pages of some browsers have no clipboard, or none for files: the text is selected, to be copied by keys. Once it
+// is copied, the button has the focus again, so that the keys of the page work.
+async function copy(field, button) {
   document.getElementById("decisions-more").open = true;
   field.select();
   let isCopied = false;
@@ -57,6 +58,7 @@ async function copy(field) {
     isCopied = document.execCommand("copy");
     if (!isCopied) await navigator.clipboard.writeText(field.value).then(() => (isCopied = true));
   } catch {}
+  if (isCopied) button.focus();
   document.getElementById("copied").textContent = isCopied ? "Copied." : "Selected: copy it by the keys of your system.";
 }
 
@@ -141,8 +143,8 @@ part(".accept-run").addEventListener("click", () => decideHere(runIndices(), tru
 part(".refuse-run").addEventListener("click", () => decideHere(runIndices(), false));
 document.getElementById("accept-listed").addEventListener("click", acceptListed);
 document.getElementById("accept-none").addEventListener("click", () => decide(() => accepted.forEach((each) => each.clear())));
-document.getElementById("copy-command").addEventListener("click", () => copy(command));
-document.getElementById("copy-workflow").addEventListener("click", () => copy(workflow));
+document.getElementById("copy-command").addEventListener("click", ({ target }) => copy(command, target));
+document.getElementById("copy-workflow").addEventListener("click", ({ target }) => copy(workflow, target));
 reportPlace.addEventListener("input", showCommand);
 
 // The folder of this page is a report that the command reads.

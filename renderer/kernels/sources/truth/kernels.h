@@ -74,12 +74,22 @@ struct IndexRays {
     Array<const RemovedSet, 1> removed;
 };
 
+// The voxels of a volume, in any order. The place of a voxel is the sum of a number for each of its coordinates.
+struct PlacedVoxels {
+    // [n]: the values of the voxels, at their places.
+    AnyArray<1> values;
+    // [z], [y], [x]: the numbers of each coordinate, ascending. The sum of the three last ones is below n.
+    Array<const int64_t, 1> z;
+    Array<const int64_t, 1> y;
+    Array<const int64_t, 1> x;
+};
+
 // A layer: the values of a volume, and how they are shown.
 struct LayerOptics {
-    // [z, y, x]: the values of the voxels.
-    AnyArray<3> values;
+    // The voxels of the volume.
+    PlacedVoxels voxels;
     // [z, y, x]: the state of each macrocell, a block of 4^3 cells: UNKNOWN (0) at first, then whether it may show
-    // anything. The array is updated, and later calls with the same values and intervals use it.
+    // anything. The array is updated, and later calls with the same voxels and intervals use it.
     Array<uint8_t, 3> macrocells;
     // The transfer function of the layer.
     Intervals intervals;
@@ -128,10 +138,10 @@ LONG_KERNEL(mask_rays, MaskRays)
 
 // Find the most extreme scalar along rays.
 struct SearchRays {
-    // [z, y, x]: the values of the voxels.
-    AnyArray<3> values;
+    // The voxels of the volume.
+    PlacedVoxels voxels;
     // [z, y, x]: the largest product of `sign` and a value in each macrocell, a block of 4^3 cells; NaN at first. The
-    // array is updated, and later calls with the same values and sign use it.
+    // array is updated, and later calls with the same voxels and sign use it.
     Array<double, 3> tops;
     // The factor on values: rays look for the largest product of the factor and a value. The factor is negative to find
     // the smallest value.
@@ -148,8 +158,8 @@ LONG_KERNEL(search_rays, SearchRays)
 
 // The mask of a layer, for points in space.
 struct PathMask {
-    // [z, y, x]: the numbers of labels; the layer is shown at points whose label is not 0.
-    AnyArray<3> values;
+    // The numbers of labels; the layer is shown at points whose label is not 0.
+    PlacedVoxels voxels;
     // [3, 4]: the transformation from the world to the mask's index space.
     double index_from_world[12];
 };

@@ -20,9 +20,9 @@ struct Surroundings {
     // The values of the voxels of the cube, x fastest.
     double numbers[6 * 6 * 6];
 
-    Surroundings(const AnyArray<3>& values, Cell at, int64_t margin)
-        : size(size_of(values)), cell(at), first(at - margin), side(2 + 2 * margin) {
-        load_cube(values, first, side, numbers);
+    Surroundings(const PlacedVoxels& voxels, Cell at, int64_t margin)
+        : size(size_of(voxels)), cell(at), first(at - margin), side(2 + 2 * margin) {
+        load_cube(voxels, first, side, numbers);
     }
 
     INLINE const double* address(Cell voxel) const {
@@ -71,26 +71,27 @@ struct Surroundings {
 
 }  // namespace
 
-void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out) {
+void load_cube(const PlacedVoxels& voxels, Cell first, int64_t side, double* out) {
     int64_t places[3][LARGEST_CUBE];
-    for (int axis = 0; axis < 3; axis++)
-        for (int64_t k = 0; k < side; k++)
-            places[axis][k] = least(most<int64_t>(first[axis] + k, 0), values.shape[2 - axis] - 1);
-    with_array(values, [&](const auto& voxels) {
+    for (int64_t k = 0; k < side; k++) {
+        auto [x, y, z] = nearest_inside(first + k, size_of(voxels));
+        places[0][k] = voxels.x[x], places[1][k] = voxels.y[y], places[2][k] = voxels.z[z];
+    }
+    with_array(voxels.values, [&](const auto& values) {
         for (int64_t z = 0; z < side; z++)
             for (int64_t y = 0; y < side; y++)
-                for (int64_t x = 0; x < side; x++) *out++ = (double)voxels(places[2][z], places[1][y], places[0][x]);
+                for (int64_t x = 0; x < side; x++) *out++ = (double)values[places[2][z] + places[1][y] + places[0][x]];
         return DONE;
     });
 }
 
-int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners) {
-    auto [x, y, z] = cell;
-    int64_t xs[2] = {most<int64_t>(x, 0), least(x + 1, values.shape[2] - 1)};
-    int64_t ys[2] = {most<int64_t>(y, 0), least(y + 1, values.shape[1] - 1)};
-    int64_t zs[2] = {most<int64_t>(z, 0), least(z + 1, values.shape[0] - 1)};
-    with_array(values, [&](const auto& voxels) {
-        for (int k = 0; k < 8; k++) corners[k] = (double)voxels(zs[k >> 2], ys[k >> 1 & 1], xs[k & 1]);
+int load_corners(const PlacedVoxels& voxels, Cell cell, double scale, double* corners) {
+    const Cell size = size_of(voxels), low = nearest_inside(cell, size), high = nearest_inside(cell + 1, size);
+    const int64_t xs[2] = {voxels.x[low.x], voxels.x[high.x]};
+    const int64_t ys[2] = {voxels.y[low.y], voxels.y[high.y]};
+    const int64_t zs[2] = {voxels.z[low.z], voxels.z[high.z]};
+    with_array(voxels.values, [&](const auto& values) {
+        for (int k = 0; k < 8; k++) corners[k] = (double)values[zs[k >> 2] + ys[k >> 1 & 1] + xs[k & 1]];
         return DONE;
     });
     int absent = 0;
@@ -98,24 +99,24 @@ int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* cor
     if (absent == 0) {
         for (int k = 0; k < 8; k++) corners[k] *= scale;
     } else if (absent != ALL_ABSENT) {
-        const Surroundings around(values, cell, 1);
+        const Surroundings around(voxels, cell, 1);
         for (int k = 0; k < 8; k++) corners[k] = around.corner_term(k, absent, VALUE, scale);
     }
     return absent;
 }
 
-void load_differences(const AnyArray<3>& values, Cell cell, int absent, double scale, double (*corners)[8]) {
-    const Surroundings around(values, cell, absent == 0 ? 1 : 2);
+void load_differences(const PlacedVoxels& voxels, Cell cell, int absent, double scale, double (*corners)[8]) {
+    const Surroundings around(voxels, cell, absent == 0 ? 1 : 2);
     for (int k = 0; k < 8; k++)
         for (int axis = 0; axis < 3; axis++) corners[axis][k] = around.corner_term(k, absent, axis, scale);
 }
 
-Range macrocell_range(const AnyArray<3>& values, Cell macrocell) {
+Range macrocell_range(const PlacedVoxels& voxels, Cell macrocell) {
     double numbers[LARGEST_CUBE * LARGEST_CUBE * LARGEST_CUBE];
     bool has_absent = false;
     auto range_around = [&](int64_t margin) {
         int64_t side = MACROCELL_SIZE + 1 + 2 * margin;
-        load_cube(values, MACROCELL_SIZE * macrocell - 1 - margin, side, numbers);
+        load_cube(voxels, MACROCELL_SIZE * macrocell - 1 - margin, side, numbers);
         Range found = {INFINITE, -INFINITE};
         for (int64_t k = 0; k < side * side * side; k++) {
             has_absent |= is_nan(numbers[k]);

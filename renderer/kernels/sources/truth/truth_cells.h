@@ -27,7 +27,15 @@ struct Range {
     double high;
 };
 
-INLINE Cell size_of(const AnyArray<3>& values) { return {values.shape[2], values.shape[1], values.shape[0]}; }
+INLINE Cell size_of(const PlacedVoxels& voxels) {
+    return {voxels.x.shape[0], voxels.y.shape[0], voxels.z.shape[0]};
+}
+
+// Return whether the places of all voxels are inside of the array.
+INLINE bool fit(const PlacedVoxels& voxels) {
+    auto [x, y, z] = size_of(voxels) - 1;
+    return least(least(x, y), z) >= 0 && voxels.z[z] + voxels.y[y] + voxels.x[x] < voxels.values.shape[0];
+}
 
 INLINE Cell nearest_inside(Cell voxel, Cell size) {
     return __builtin_elementwise_min(__builtin_elementwise_max(voxel, Cell{0, 0, 0}), size - 1);
@@ -36,23 +44,23 @@ INLINE Cell nearest_inside(Cell voxel, Cell size) {
 // Write the values of side^3 voxels from `first` on, x fastest; beyond the border the nearest voxel is repeated.
 //
 // side: at most LARGEST_CUBE.
-void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out);
+void load_cube(const PlacedVoxels& voxels, Cell first, int64_t side, double* out);
 
 // Write the scaled values at the corners of a cell, clamped to the volume; a corner without data takes the mean of the
 // nearest voxels with data. Return the corners without data: the bit x + 2 y + 4 z of each is set. If all bits are set,
 // no value has a meaning.
-int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners);
+int load_corners(const PlacedVoxels& voxels, Cell cell, double scale, double* corners);
 
 // Write the scaled central differences of the voxels along x, y, z at the corners of a cell. absent: the corners
 // without data, one bit for each, x fastest.
 //
 // Differences are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
-void load_differences(const AnyArray<3>& values, Cell cell, int absent, double scale, double (*corners)[8]);
+void load_differences(const PlacedVoxels& voxels, Cell cell, int absent, double scale, double (*corners)[8]);
 
 // Return the range of the values of the voxels at the corners of a macrocell's cells, the first of which is the cell
 // MACROCELL_SIZE * macrocell - 1. The range is empty if no voxel has data. If any voxel has no data, the voxels around
 // the macrocell count, too, because the field takes their mean.
-Range macrocell_range(const AnyArray<3>& values, Cell macrocell);
+Range macrocell_range(const PlacedVoxels& voxels, Cell macrocell);
 
 // Return whether the voxel nearest to entry + extent * t, in cell coordinates, has no data.
 INLINE bool is_octant_absent(int absent, Point entry, Point extent, double t) {
@@ -158,9 +166,9 @@ struct CellWalk {
 
 // Return whether an array has one number for each macrocell.
 template <class T>
-bool fits_macrocells(const Array<T, 3>& array, const AnyArray<3>& values) {
-    auto num = [&](int axis) { return values.shape[axis] / MACROCELL_SIZE + 1; };
-    return has_shape(array, num(0), num(1), num(2));
+bool fits_macrocells(const Array<T, 3>& array, const PlacedVoxels& voxels) {
+    auto [x, y, z] = size_of(voxels) / MACROCELL_SIZE + 1;
+    return has_shape(array, z, y, x);
 }
 
 }  // namespace truth

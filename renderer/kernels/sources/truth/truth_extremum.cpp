@@ -53,9 +53,9 @@ Found largest_of_data(Cubic cubic, int absent, Point entry, Point extent) {
 // Write the largest `sign` times scalar along each ray, and the length along the ray at which it lies.
 Status search_rays(const SearchRays* arguments) {
     using namespace truth;
-    const auto& [values, tops, sign, least_rise, rays, found] = *arguments;
+    const auto& [voxels, tops, sign, least_rise, rays, found] = *arguments;
     int64_t num_rays = rays.parts.shape[0];
-    if (!fit(rays) || !fits_macrocells(tops, values) || !has_shape(found, num_rays, 2)) return OUT_OF_BOUNDS;
+    if (!fit(rays) || !fit(voxels) || !fits_macrocells(tops, voxels) || !has_shape(found, num_rays, 2)) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < num_rays; i++) {
         if (is_stopped()) return STOPPED;
         Found best = {-INFINITE, 0.0};
@@ -63,12 +63,12 @@ Status search_rays(const SearchRays* arguments) {
             auto [x, y, z] = segment.macrocell;
             double& top = tops(z, y, x);
             if (is_nan(top)) {  // several threads may write here, all of them the same value
-                auto [low, high] = macrocell_range(values, segment.macrocell);
+                auto [low, high] = macrocell_range(voxels, segment.macrocell);
                 top = low <= high ? most(sign * low, sign * high) : -INFINITE;
             }
             if (!(top > best.number + least_rise)) return;
             double corners[8];
-            int absent = load_corners(values, segment.cell, sign, corners);
+            int absent = load_corners(voxels, segment.cell, sign, corners);
             if (absent == ALL_ABSENT) return;
             Cubic cubic = cubic_in_cell(corners, segment.entry, segment.extent);
             auto [number, t] =
@@ -77,7 +77,7 @@ Status search_rays(const SearchRays* arguments) {
         };
         Point origin = point_of(&rays.origins(i, 0)), direction = point_of(&rays.directions(i, 0));
         for (int64_t k = 0; k < rays.parts.shape[1]; k++) {
-            CellWalk walk(size_of(values), origin, direction, rays.parts(i, k, 0), rays.parts(i, k, 1));
+            CellWalk walk(size_of(voxels), origin, direction, rays.parts(i, k, 0), rays.parts(i, k, 1));
             for (Segment segment; walk.next(segment);) search(segment);
         }
         found(i, 0) = best.number, found(i, 1) = best.place;

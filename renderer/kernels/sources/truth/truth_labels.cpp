@@ -53,15 +53,15 @@ LabelSegment::Winner LabelSegment::winner_at(double t) const {
     return {t, numbers[winner], sums[winner] - next};
 }
 
-void LabelSegment::read(const AnyArray<3>& values, const Segment& segment) {
-    load_cube(values, segment.cell - 1, 4, numbers);
+void LabelSegment::read(const PlacedVoxels& voxels, const Segment& segment) {
+    load_cube(voxels, segment.cell - 1, 4, numbers);
     for (int k = 0; k < 64; k++)
         for (first[k] = 0; numbers[first[k]] != numbers[k];) first[k]++;
     entry = segment.entry, extent = segment.extent;
 }
 
-int64_t LabelSegment::load(const AnyArray<3>& values, const Segment& segment, const Array<double, 1>& scratch) {
-    read(values, segment);
+int64_t LabelSegment::load(const PlacedVoxels& voxels, const Segment& segment, const Array<double, 1>& scratch) {
+    read(voxels, segment);
     splits = scratch;
     num_splits = add_middles(entry, extent, splits, 0), num_changes = 0;
     double ends[5] = {0.0, 1.0, 1.0, 1.0, 1.0};
@@ -87,11 +87,11 @@ void LabelSegment::find_changes(Winner low, Winner high) {
     }
 }
 
-void load_label_differences(const AnyArray<3>& values, Cell cell, const Array<const double, 1>& opacities,
+void load_label_differences(const PlacedVoxels& voxels, Cell cell, const Array<const double, 1>& opacities,
                             double (*corners)[8]) {
     double cube[8 * 8 * 8], along_x[4 * 8 * 8], along_y[4 * 4 * 8], smoothed[4 * 4 * 4];
-    load_cube(values, cell - 3, 8, cube);
-    const Cell size = size_of(values);
+    load_cube(voxels, cell - 3, 8, cube);
+    const Cell size = size_of(voxels);
     for (int k = 0; k < 512; k++) {
         const Cell voxel = cell - 3 + Cell{k & 7, k >> 3 & 7, k >> 6};
         const bool is_inside = __builtin_reduce_and(voxel == nearest_inside(voxel, size));

@@ -41,10 +41,10 @@ struct LabelSegment {
     };
 
     // Load the labels around a segment.
-    void read(const AnyArray<3>& values, const Segment& segment);
+    void read(const PlacedVoxels& voxels, const Segment& segment);
 
     // Load the labels around a segment, and find all splits. Return the number of splits. scratch: room for the splits.
-    int64_t load(const AnyArray<3>& values, const Segment& segment, const Array<double, 1>& scratch);
+    int64_t load(const PlacedVoxels& voxels, const Segment& segment, const Array<double, 1>& scratch);
 
     // Return the label that wins at t along the segment.
     Winner winner_at(double t) const;
@@ -60,7 +60,7 @@ constexpr double LABEL_TILT = 0.05;
 
 // Write the central differences along x, y, z of the smoothed opacities of voxels, at the corners of a cell. opacities:
 // the opacity of each label, by its number.
-void load_label_differences(const AnyArray<3>& values, Cell cell, const Array<const double, 1>& opacities,
+void load_label_differences(const PlacedVoxels& voxels, Cell cell, const Array<const double, 1>& opacities,
                             double (*corners)[8]);
 
 }  // namespace truth

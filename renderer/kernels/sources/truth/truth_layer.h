@@ -96,8 +96,9 @@ inline int64_t num_splits_of(const LayerOptics& layer) {
 }
 
 inline bool fit(const LayerOptics& layer, const IndexRays& rays, int64_t num_rays) {
-    const auto& [depth, height, width] = layer.values.shape;
-    return rays.parts.shape[0] == num_rays && fit(rays) && fits_macrocells(layer.macrocells, layer.values) &&
+    auto [width, height, depth] = size_of(layer.voxels);
+    return rays.parts.shape[0] == num_rays && fit(rays) && fit(layer.voxels) &&
+        fits_macrocells(layer.macrocells, layer.voxels) &&
         has_shape(layer.intervals.rows, layer.intervals.knots.shape[0] + 1, 10) &&
         (!layer.colors.exists || has_shape(layer.colors.value, depth, height, width, 3)) &&
         (!layer.label_opacities.exists || layer.label_opacities.value.shape[0] > 0) &&
@@ -188,15 +189,15 @@ struct LayerRay : LayerOptics {
     }
 
     uint8_t classify(Cell macrocell) const {
-        auto [low, high] = macrocell_range(values, macrocell);
+        auto [low, high] = macrocell_range(voxels, macrocell);
         return low <= high && is_visible(low * intervals.scale, high * intervals.scale) ? VISIBLE : EMPTY;
     }
 
     // Return the gradient, per world unit, along the ray inside the cell.
     INLINE Gradient world_gradient() const {
         double corners[3][8];
-        if (label_opacities.exists) load_label_differences(values, segment.cell, label_opacities.value, corners);
-        else load_differences(values, segment.cell, absent, intervals.scale, corners);
+        if (label_opacities.exists) load_label_differences(voxels, segment.cell, label_opacities.value, corners);
+        else load_differences(voxels, segment.cell, absent, intervals.scale, corners);
         auto along = [&](int axis) { return cubic_in_cell(corners[axis], segment.entry, segment.extent); };
         Gradient in_index = {along(0), along(1), along(2)};
         auto row = [&](int number) { return point_of(&shading.value.world_from_gradient[3 * number]); };
@@ -213,10 +214,10 @@ struct LayerRay : LayerOptics {
     // Classify and light the voxels, which are colours, at the corners of the cell. scalars: the voxels' scalars.
     void load_channels(const double* scalars) {
         double corners[4][8] = {}, differences[3][8];
-        if (shading.exists) load_differences(values, segment.cell, absent, intervals.scale, differences);
+        if (shading.exists) load_differences(voxels, segment.cell, absent, intervals.scale, differences);
         for (int k = 0; k < 8; k++) {
             if (absent >> k & 1) continue;
-            Cell at = nearest_inside(segment.cell + Cell{k & 1, k >> 1 & 1, k >> 2}, size_of(values));
+            Cell at = nearest_inside(segment.cell + Cell{k & 1, k >> 1 & 1, k >> 2}, size_of(voxels));
             Interval in = interval(num_below(intervals.knots, scalars[k]));
             double lit = shading.exists ? lit_at(at, {differences[0][k], differences[1][k], differences[2][k]}) : 1.0;
             double tau = in.base() + in.slope() * (scalars[k] - in.origin());
@@ -249,7 +250,7 @@ struct LayerRay : LayerOptics {
     INLINE bool enter() {
         const auto& [cell, macrocell, s, s_exit, entry, extent] = segment;
         double corners[8];
-        absent = load_corners(values, cell, intervals.scale, corners);
+        absent = load_corners(voxels, cell, intervals.scale, corners);
         if (absent == ALL_ABSENT) return false;
         double low = corners[0], high = corners[0];
         for (double corner : corners) low = least(low, corner), high = most(high, corner);
@@ -262,7 +263,7 @@ struct LayerRay : LayerOptics {
             num_splits = absent = 0;  // voxels without data have no extinction, and the ray is not split at their edges
             return true;
         }
-        num_splits = is_mixed ? labels.load(values, segment, splits) : add_crossings(cubic, intervals.knots, splits, 0);
+        num_splits = is_mixed ? labels.load(voxels, segment, splits) : add_crossings(cubic, intervals.knots, splits, 0);
         if (absent != 0) num_splits = add_middles(entry, extent, splits, num_splits);
         if (shading.exists) {
             light.begin = __builtin_convertvector(cell, Point) + entry, light.extent = extent;
@@ -292,7 +293,7 @@ struct LayerRay : LayerOptics {
                 return true;
             }
             if (num_begun == parts.shape[0]) return false;
-            walk = {size_of(values), walk.origin, walk.direction, parts(num_begun, 0), parts(num_begun, 1)};
+            walk = {size_of(voxels), walk.origin, walk.direction, parts(num_begun, 0), parts(num_begun, 1)};
         }
     }
 

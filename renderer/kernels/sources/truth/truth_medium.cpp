@@ -5,9 +5,9 @@ namespace truth {
 namespace {
 
 // Return the number of the label at a point in index space.
-double label_at(const AnyArray<3>& values, Cell cell, Point entry) {
+double label_at(const PlacedVoxels& voxels, Cell cell, Point entry) {
     LabelSegment labels;
-    labels.read(values, {cell, {}, 0.0, 0.0, entry, {}});
+    labels.read(voxels, {cell, {}, 0.0, 0.0, entry, {}});
     return labels.winner_at(0.0).number;
 }
 
@@ -27,12 +27,12 @@ bool is_removed(const RemovedSet& removed, Point index) {
 }
 
 bool is_masked(const PathMask& mask, Point world) {
-    const Cell size = size_of(mask.values);
+    const Cell size = size_of(mask.voxels);
     const Point index = transformed(mask.index_from_world, world);
     for (int axis = 0; axis < 3; axis++)
         if (!(-0.5 <= index[axis] && index[axis] < (double)size[axis] - 0.5)) return true;
     const Cell cell = cell_of(size, index);
-    return label_at(mask.values, cell, index - __builtin_convertvector(cell, Point)) == 0.0;
+    return label_at(mask.voxels, cell, index - __builtin_convertvector(cell, Point)) == 0.0;
 }
 
 }  // namespace
@@ -42,15 +42,15 @@ Matter Medium::matter_at(Point world, Point index) const {
         if (is_removed(removed[k], index)) return {};
     if (place->mask.exists && is_masked(place->mask.value, world)) return {};
     const auto& [knots, rows, scale] = optics->intervals;
-    const Cell cell = cell_of(size_of(optics->values), index);
+    const Cell cell = cell_of(size_of(optics->voxels), index);
     const Point entry = index - __builtin_convertvector(cell, Point);
     double corners[8], low, high;
-    int absent = load_corners(optics->values, cell, scale, corners);
+    int absent = load_corners(optics->voxels, cell, scale, corners);
     if (absent != 0 && is_octant_absent(absent, entry, {}, 0.0)) return {};
     low = high = corners[0];
     for (double corner : corners) low = least(low, corner), high = most(high, corner);
     double value = least(most(cubic_in_cell(corners, entry, {})[0], low), high);
-    if (optics->label_opacities.exists && low != high) value = label_at(optics->values, cell, entry) * scale;
+    if (optics->label_opacities.exists && low != high) value = label_at(optics->voxels, cell, entry) * scale;
     const Interval in = interval(num_below(knots, value));
     return {extinction_at(in, value), in, value};
 }

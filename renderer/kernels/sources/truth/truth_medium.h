@@ -104,7 +104,7 @@ struct Medium {
     double majorant_of(Cell macrocell) const {
         double& known = place->majorants(macrocell.z, macrocell.y, macrocell.x);
         if (!is_nan(known)) return known;
-        auto [low, high] = macrocell_range(optics->values, macrocell);
+        auto [low, high] = macrocell_range(optics->voxels, macrocell);
         double found = 0.0;
         if (low <= high) {
             const auto& [knots, rows, scale] = optics->intervals;
@@ -125,7 +125,7 @@ struct Medium {
         const Point origin = transformed(place->index_from_world, from);
         const Point direction = turned(place->index_from_world, along);
         double depth = random.exponential();
-        MacrocellWalk(size_of(optics->values), origin, direction, end).visit([&](Cell macrocell, double s, double exit) {
+        MacrocellWalk(size_of(optics->voxels), origin, direction, end).visit([&](Cell macrocell, double s, double exit) {
             const double majorant = majorant_of(macrocell);
             if (!(majorant > 0.0)) return true;
             while (s + depth / majorant < exit) {

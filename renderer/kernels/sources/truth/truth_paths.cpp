@@ -152,7 +152,9 @@ struct PathTracer {
 };
 
 bool fit(const LayerOptics& optics, const PathMedium& medium) {
-    return fits_macrocells(medium.majorants, optics.values) && !optics.colors.exists && !optics.shading.exists;
+    const bool fits_mask = !medium.mask.exists || truth::fit(medium.mask.value.voxels);
+    return fits_mask && fits_macrocells(medium.majorants, optics.voxels) && !optics.colors.exists &&
+           !optics.shading.exists;
 }
 
 }  // namespace
