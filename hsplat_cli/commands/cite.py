@@ -26,6 +26,6 @@ def cite(film: Path, reporter: Reporter) -> None:
 
     path, record = read_film_record(film)
     reporter.result(join_lines([methods_text(record, path), "", *bibtex(record).splitlines()]))
-    if record.accuracy is None and "light" not in record.scene:
+    if record.accuracy is None:
         how = f"`hsplat verify {film}` measures it, and so does render unless error.probes is 0"
         reporter.status(f"note: the sidecar does not say how exact the file is: {how}")

@@ -31,7 +31,6 @@ from renderer.accuracy import (
     spread_tolerances,
 )
 from renderer.draw import Rasterizer
-from renderer.film import over_background
 from renderer.frame import Clock, FilmStage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, FilmScene, SplatSpec, tolerance_at, with_tolerance
 from renderer.system import PeakMemory
@@ -187,7 +186,7 @@ def measure_setting(
     for number, frame in enumerate(render_frames(stage, numbers, rasterizer, clock=clock)):
         truth = truths[number]
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
-        picture = over_background(frame.radiance, frame.stage.scene.background)
+        picture = frame.unrounded
         accuracies.append(truth.accuracy_of(picture))
         before, errors = errors, truth.errors_of(picture) if isinstance(truth, Truth) else None
         flickers.append(measure_flicker(before, errors) if before is not None and errors is not None else None)

@@ -53,11 +53,7 @@ class Studio:
 
     def draw(self, stage: FilmStage, frames: Sequence[int], num_rays: int = 0) -> list[DrawnFrame]:
         """Draw frames, with their annotation. num_rays: number of exact rays, which measure the accuracy."""
-        prober = (
-            FrameProber(stage.first, num_rays, num_threads=num_cores())
-            if num_rays and stage.first.scene.light is None
-            else None
-        )
+        prober = FrameProber(stage.first, num_rays, num_threads=num_cores()) if num_rays else None
         return [*draw_frames(stage, frames, self.rasterizer, ScheduleController(stage), prober)]
 
     def shoot(

@@ -4,8 +4,9 @@ In: a stage, and frames that are drawn. Out: metrics against whole exact picture
 Andersson et al. 2020), or an estimate from a few exact rays, with an interval; tolerances. Pictures depend on this room
 only if the scene asks for an accuracy.
 
-- `pixels.py`: the choice of the pixels that get exact rays; `prober.py`: the number of rays of a frame, and the errors
-  of its pixels; `estimate.py`: the estimate and its interval; `decibels.py`: from errors to decibels and back.
+- `pixels.py`: the choice of the pixels that get exact rays; `pixel_truths.py`: their exact colours, by rays or by paths
+  of light; `prober.py`: the number of probes of a frame, and their errors; `estimate.py`: the estimate and its
+  interval; `decibels.py`: from errors to decibels and back.
 - `visibility.py`: the ranges of scalars whose share of the picture is recorded; `glance.py`: the faults of the pictures
   of a film before it is drawn.
 - `truths.py`: the exact picture of a frame, or of some of its pixels; `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E.

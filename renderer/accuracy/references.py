@@ -18,7 +18,6 @@ from renderer.accuracy.decibels import psnr
 from renderer.accuracy.metrics import compute_metric
 from renderer.accuracy.prober import ExactPixels, FrameProber
 from renderer.accuracy.truths import NUM_SAMPLED_PIXELS, Truth
-from renderer.film import over_background
 from renderer.frame import FilmStage, Frame
 from renderer.scene import MetricTarget
 from renderer.truth import PixelMeans
@@ -72,8 +71,7 @@ class ExactPictures:
             truth = self._find_truth(frame.number)
             means = PixelMeans(*(each.astype(np.float32) for each in truth.means))
             self._truths[frame.number] = replace(truth, means=means)
-        background = frame.stage.scene.background
-        picture = over_background(frame.radiance, background).astype(np.float32).astype(np.float64)
+        picture = frame.unrounded.astype(np.float32).astype(np.float64)
         return compute_metric(self.want.metric, picture, self._truths[frame.number].means), 0.0
 
 

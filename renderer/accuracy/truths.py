@@ -11,11 +11,11 @@ import numpy as np
 from renderer.accuracy.decibels import psnr
 from renderer.accuracy.flicker import PictureErrors
 from renderer.accuracy.metrics import Accuracy, FloatImage, measure_accuracy, sampled_accuracy
-from renderer.accuracy.prober import ExactPixels, FrameProber, require_exact_rays
+from renderer.accuracy.prober import ExactPixels, FrameProber
 from renderer.draw import Rasterizer
 from renderer.frame import Clock, FilmStage, render_frames, view_of
 from renderer.scene import CameraPath, KeyframePath
-from renderer.truth import Convergence, PixelMeans, Progress, SceneRays, ignore, mean_over_pixels
+from renderer.truth import Convergence, PixelMeans, Progress, ScenePaths, SceneRays, ignore, mean_over_pixels
 from renderer.volume import Bools
 
 T = TypeVar("T")
@@ -23,6 +23,8 @@ T = TypeVar("T")
 # The rays of a truth count as converged if halving their step changes no channel, in [0, 1], by this much. Rays then
 # had errors of 119 dB. The errors of pixels are far larger, because each is the mean of a few rays.
 TRUTH_TOLERANCE = 1e-4
+# The wanted standard error of a truth by paths, of colours in [0, 1]: a PSNR of 46 dB.
+TRUTH_STANDARD_ERROR = 0.005
 # The number of pixels with exact rays in a frame without a whole truth: its PSNR is then known to about 1 dB.
 NUM_SAMPLED_PIXELS = 1024
 
@@ -32,7 +34,7 @@ class Truth:
     """A truth: the exact picture of one frame, from converged rays.
 
     means: [h, w, 3], the mean over each pixel. on_volume: bool [h, w], whether anything of the volume is visible.
-    convergence: the changes of the rays each time that their step was halved.
+    convergence: the changes of the rays each time that their step was halved; paths have no steps.
     rays_per_pixel: the mean number of rays of a pixel.
     seconds: the time that computing it took; 0 if it was not timed.
     """
@@ -48,6 +50,11 @@ class Truth:
     def picture(self) -> FloatImage:
         """Return the picture: float [h, w, 3], over the scene's background, in [0, 1]."""
         return self.means.colors
+
+    @property
+    def standard_error(self) -> float:
+        """Return the root of the mean variance of the pixels."""
+        return float(np.sqrt(np.mean(self.means.variances, dtype=np.float64)))
 
     @property
     def own_psnr(self) -> float:
@@ -90,17 +97,27 @@ class SampledTruth:
 
 
 def compute_truth(
-    film: FilmStage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress = ignore
+    film: FilmStage,
+    frame: int,
+    tolerance: float,
+    *,
+    standard_error: float = TRUTH_STANDARD_ERROR,
+    num_threads: int = 2,
+    on_progress: Progress = ignore,
 ) -> Truth:
     """Compute the truth of a frame. Raises RenderError if a ray does not converge.
 
-    tolerance, on_progress: as in `RayIntegrator.converge`.
+    tolerance, on_progress: as in `RayIntegrator.converge`. standard_error: of paths, as of `ScenePaths.converge`, for a
+    scene with `light`.
     """
-    require_exact_rays(film)
     stage = film.at(frame)
-    scene, view = stage.scene, view_of(stage, frame)
-    rays = SceneRays(stage, num_threads=num_threads)
-    found = mean_over_pixels(rays, view, scene.background, tolerance, seed=(frame,), on_progress=on_progress)
+    view, background, seed = view_of(stage, frame), stage.scene.background, (frame,)
+    if stage.scene.light is None:
+        rays = SceneRays(stage, num_threads=num_threads)
+        found = mean_over_pixels(rays, view, background, tolerance, seed=seed, on_progress=on_progress)
+    else:
+        paths = ScenePaths(stage, num_threads=num_threads)
+        found = paths.converge(view, background, standard_error, seed=seed, on_progress=on_progress)
     return Truth(frame, found.means, found.is_seen, found.convergence, float(found.num_rays.mean()))
 
 

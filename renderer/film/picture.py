@@ -13,6 +13,7 @@ from renderer.errors import InputError
 from renderer.film.atomic import translate_os_errors
 from renderer.film.exr import EXR_BEGIN, decode_exr, encode_exr
 from renderer.film.png import decode_png, encode_png, png_layout
+from renderer.transfer import linear_of_srgb, srgb_of_linear
 
 # The pixels of a picture, uint8, uint16 or float32, [h, w, 3] or [h, w, 4]. Alpha is straight for integers, and
 # premultiplied for floats.
@@ -61,14 +62,21 @@ def picture_layout(content: bytes) -> tuple[tuple[int, int, int], int]:
     return png_layout(content)
 
 
-def over_black(pixels: Pixels) -> npt.NDArray[np.float64]:
+def over_black(pixels: Pixels, *, is_linear: bool = False) -> npt.NDArray[np.float64]:
     """Return pixels as float64 in [0, 1], composited over black. Pixels with alpha keep it as the fourth channel.
 
-    pixels: of any depth, [..., 3] or [..., 4].
+    pixels: of any depth, [..., 3] or [..., 4]. is_linear: whether the picture was made from linear light: floats are
+        linear light, and matter is composited in linear light. The result is encoded as sRGB.
     """
+    values: npt.NDArray[np.float64]
     if pixels.dtype == np.float32:
-        return np.clip(pixels, 0.0, 1.0).astype(np.float64)
-    values: npt.NDArray[np.float64] = pixels / np.float64(np.iinfo(pixels.dtype).max)
-    if values.shape[-1] == 4:
-        values[..., :3] *= values[..., 3:]
+        values = np.clip(pixels, 0.0, 1.0).astype(np.float64)
+    else:
+        values = pixels / np.float64(np.iinfo(pixels.dtype).max)
+        if values.shape[-1] == 3:
+            return values
+        colors = linear_of_srgb(values[..., :3]) if is_linear else values[..., :3]
+        values[..., :3] = colors * values[..., 3:]
+    if is_linear:
+        values[..., :3] = srgb_of_linear(values[..., :3])
     return values

@@ -12,7 +12,7 @@ from renderer.errors import RenderError
 from renderer.film.picture import Pixels
 from renderer.kernels import kernels
 from renderer.scene import Background
-from renderer.transfer import linear_of_srgb
+from renderer.transfer import linear_of_srgb, srgb_of_linear
 
 _BLACK = (0.0, 0.0, 0.0)
 
@@ -80,30 +80,35 @@ def behind_rows(background: Background, height: int, *, is_linear: bool = False)
     return linear_of_srgb(rows) if is_linear else rows
 
 
-def over_background(radiance: npt.NDArray[np.floating[Any]], background: Background) -> npt.NDArray[np.float64]:
+def over_background(
+    radiance: npt.NDArray[np.floating[Any]], background: Background, *, is_linear: bool = False
+) -> npt.NDArray[np.float64]:
     """Return the unrounded picture that metrics compare: `c + (1 - a) b`, clipped to [0, 1].
 
-    radiance: [h, w, 4], premultiplied RGBA. background: None, for a transparent film, counts as black.
+    radiance: [h, w, 4], premultiplied RGBA. background: None, for a transparent film, counts as black. is_linear: as in
+    `quantize`.
 
     Returns float64 [h, w, 3]. Raises RenderError for a value that is not finite.
     """
-    return over_rows(radiance, behind_rows(background, len(radiance)))
+    behind = behind_rows(background, len(radiance), is_linear=is_linear)
+    return over_rows(radiance, behind, is_linear=is_linear)
 
 
 def over_rows(
-    radiance: npt.NDArray[np.floating[Any]], behind: npt.NDArray[np.floating[Any]]
+    radiance: npt.NDArray[np.floating[Any]], behind: npt.NDArray[np.floating[Any]], *, is_linear: bool = False
 ) -> npt.NDArray[np.float64]:
     """Return rows of a picture composited over a background and clipped to [0, 1], not rounded, float64 [n, w, 3].
 
-    radiance: [n, w, 4], premultiplied RGBA. behind: [n, 3], the background's colour in each row. Raises RenderError for
-    a value that is not finite.
+    radiance: [n, w, 4], premultiplied RGBA. behind: [n, 3], the background's colour in each row. is_linear: whether
+    both are linear light; the picture is then encoded as sRGB. Raises RenderError for a value that is not finite.
     """
     require_finite(radiance)
     picture = np.empty((*radiance.shape[:2], 3))
     transparency = 1 - radiance[..., 3].astype(np.float64)
     for channel in range(3):
         picture[..., channel] = radiance[..., channel] + transparency * behind[:, None, channel]
-    return np.clip(picture, 0, 1, out=picture)
+    np.clip(picture, 0, 1, out=picture)
+    return srgb_of_linear(picture) if is_linear else picture
 
 
 def reduce_radiance(image: npt.NDArray[np.float32], factor: int) -> npt.NDArray[np.float32]:

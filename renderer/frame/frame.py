@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from renderer.draw import Lines, Rasterizer, draw_lines
-from renderer.film import Pixels, quantize
+from renderer.film import Pixels, over_background, quantize
 from renderer.frame.primitives import LOD, Orders
 from renderer.frame.stage import Stage, Stopwatch, view_of
 from renderer.kernels import ThreadPool
@@ -75,6 +75,12 @@ class Frame:
     view: View
     lines: tuple[Lines, ...] = ()
     predicted_seconds: float | None = None
+
+    @property
+    def unrounded(self) -> Float64:
+        """Return the picture before it is rounded, as metrics compare it: float64 [height, width, 3]."""
+        scene = self.stage.scene
+        return over_background(self.radiance, scene.background, is_linear=scene.light is not None)
 
     def radiance_with_lines(self) -> Float32:
         """Return the radiance with the lines drawn over it, or the radiance itself if there are no lines."""

@@ -299,8 +299,6 @@ class FilmInProgress:
         yield from film_notes(self.output.spec)
         yield from self.job.scene.level_notes
         yield from annotation_notes(self.stage)
-        if self.job.scene.at(0).light is not None:
-            yield "no accuracy is stated: exact rays do not follow the light that matter scatters"
         # The fault that nothing is visible is left out, because the notes on blank frames tell more about it.
         yield from (each.note for each in self.glances if each.word != NOTHING)
         yield from self.executor.notes

@@ -111,7 +111,7 @@ def _light_sentence(shadings: list[Any], light: Any) -> str:
     if light is not None:
         sources = "an environment" if light.key is None else "an environment and a key light"
         how = "equally in all directions, any number of times"
-        return f"Matter scattered the light of {sources} {how}. The accuracy of this light was not measured."
+        return f"Matter scattered the light of {sources} {how}."
     words = [word for key, word in _LIGHT.items() if any(getattr(each, key) not in (None, 0) for each in shadings)]
     return f"There was {join_words(['Lambertian shading', *words], 'and') if shadings else 'no shading'}."
 

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 from renderer.scene import schema
 from renderer.scene.camera_section import direction_field
 from renderer.scene.colors import COLOR_FIELD
-from renderer.scene.error_section import ErrorSpec, MetricTarget
 from renderer.scene.message_text import join_words
 from renderer.scene.mode_section import ModeSpec
 from renderer.scene.schema import INVALID, Color, TreeNode, Vector
@@ -114,7 +113,7 @@ def check_light(node: TreeNode, given: Mapping[str, Any], layers: Sequence[tuple
         if shading is not None:
             hint = "light takes the place of shading: leave one out, as --set shading=null does"
             place.key("shading").reject("contradicts light", expected="", hint=hint)
-    mode, splat, error = given.get("mode"), given.get("splat"), given.get("error")
+    mode, splat = given.get("mode"), given.get("splat")
     if isinstance(mode, ModeSpec) and mode.type is not INVALID and mode.is_projection:
         hint = "a projection shows numbers of rays, which no light reaches"
         key.reject(f"contradicts mode: {mode.type}", expected="mode: emission_absorption", hint=hint)
@@ -124,8 +123,5 @@ def check_light(node: TreeNode, given: Mapping[str, Any], layers: Sequence[tuple
     if isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
         hint = "splats have one colour for all views: write splat: {footprint: integrated}, or leave splat out"
         key.reject("needs footprint: integrated", got=f"footprint: {splat.footprint}", expected="", hint=hint)
-    if isinstance(error, ErrorSpec) and isinstance(error.goal, MetricTarget):
-        hint = "no exact rays of scattered light measure a film: give tolerance, splats or seconds"
-        key.reject(f"contradicts error.{error.goal.metric}", expected="", hint=hint)
     if any(getattr(layer.volume, "has_colors", False) for _, layer in layers):
         key.reject("voxels that are colors have no albedos", expected="voxels with a transfer function")

@@ -1,4 +1,9 @@
-from .albedos import albedos_of as albedos_of, color_of_thick as color_of_thick, linear_of_srgb as linear_of_srgb
+from .albedos import (
+    albedos_of as albedos_of,
+    color_of_thick as color_of_thick,
+    linear_of_srgb as linear_of_srgb,
+    srgb_of_linear as srgb_of_linear,
+)
 from .classify import (
     RawVoxels as RawVoxels,
     make_classifier as make_classifier,

@@ -23,6 +23,11 @@ from renderer.volume import Float64
 # ramp to opacity 1 is opaque near its lower end, where rays end. With them, a cube of an orange as bright as its colour
 # in even light is within 0.03 of it, and without them it is 0.18 darker in green (sRGB from 0 to 1).
 _ADDED_OPACITIES = (0.25, 0.5, 0.75, 0.9, 0.97)
+# The linear light up to which sRGB is proportional to it.
+_LEAST_POWER = 0.0031308
+# The steps of Newton's method from 1 to the cube roots of numbers of at least the fourth root of _LEAST_POWER. Five are
+# exact to the last digit or two.
+_NEWTON_STEPS = 6
 # The coefficients of van de Hulst's fit.
 _OF_NUMERATOR = 0.139
 _OF_DENOMINATOR = 1.17
@@ -73,3 +78,14 @@ def linear_of_srgb(colors: npt.ArrayLike) -> Float64:
     """Return colours in linear light. colors: sRGB, from 0 to 1."""
     encoded = np.asarray(colors, np.float64)
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_of_linear(colors: npt.ArrayLike) -> Float64:
+    """Return colours in sRGB, with the same bytes on every machine. colors: linear light, from 0 to 1."""
+    linear = np.asarray(colors, np.float64)
+    # x^(5/12) is y^(5/3), with y the fourth root of x; powers of C libraries differ in their last digits.
+    fourth_root = np.sqrt(np.sqrt(np.maximum(linear, _LEAST_POWER)))
+    cube_root = np.ones_like(fourth_root)
+    for _ in range(_NEWTON_STEPS):
+        cube_root = (2.0 * cube_root + fourth_root / (cube_root * cube_root)) / 3.0
+    return np.where(linear <= _LEAST_POWER, 12.92 * linear, 1.055 * fourth_root * cube_root * cube_root - 0.055)

@@ -8,7 +8,8 @@ nothing changes (Etiene et al. 2014). Light that scatters is computed by Monte C
 - `pixel_means.py`: the mean over each pixel, by as many rays as it needs, and its variance; `places.py`: the places in
   the picture that the rays pass through.
 - `scene_rays.py`: the rays of a scene, in the colours of its mode, and the search for the largest scalar of a ray.
-- `path_tracer.py`: the light of rays through matter that scatters it; `pixel_light.py`: its mean over pixels.
+- `path_tracer.py`: the light of rays through matter that scatters it; `pixel_light.py`: its mean over pixels;
+  `scene_paths.py`: the same of a scene, as its pictures show it.
 - `integrator.py`: places to rays in each layer's grid, and steps halved until they converge; `optics.py`: layers, their
   transfer functions and their light, as kernels take them; `kept_parts.py`: the parts of rays that clipping leaves.
 - In the kernels: `truth_integral.cpp`, one ray through all layers; `truth_layer.h`, its pieces in one layer;

@@ -16,6 +16,7 @@ from .pixel_means import (
     sides_for as sides_for,
 )
 from .places import pixel_centres as pixel_centres, places_in_pixels as places_in_pixels, states_of as states_of
+from .scene_paths import ScenePaths as ScenePaths
 from .scene_rays import SceneRays as SceneRays, chord_lengths as chord_lengths
 
 # isort: split
