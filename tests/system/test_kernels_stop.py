@@ -41,6 +41,12 @@ def mixed(**sections: Any) -> dict[str, Any]:
 MIXED = mixed()
 ALONE = small_tree(frames=1, shading={"light": [-1, 0, 0], "shadow": 0.5, "occlusion": 0.5})
 MAXIMUM = small_tree(frames=1, mode="maximum")
+SCATTERING = small_tree(frames=1, light={"key": {"direction": [1, -1, 1]}})
+# The kernels of the light that matter scatters.
+OF_SCATTERED_LIGHT = {
+    "average_matter", "gather_light", "measure_round", "mix_rounds", "prepare_cells", "scatter_light", "shine_key",
+    "sweep_light", "trace_paths",
+}  # fmt: skip
 
 
 def masked(folder: Path) -> dict[str, Any]:
@@ -82,9 +88,9 @@ def test_each_long_kernel_stops(
         "search_rays": MAXIMUM,
         "measure_chords": MAXIMUM,
         "mask_rays": masked(tmp_path),
-    }.get(name, ALONE)
+    }.get(name, SCATTERING if name in OF_SCATTERED_LIGHT else ALONE)
     scene = parse_scene(tree, base=tmp_path)
-    is_exact = name in ("integrate_rays", "mask_rays", "search_rays")
+    is_exact = name in ("integrate_rays", "mask_rays", "search_rays", "trace_paths")
     with pytest.raises(KeyboardInterrupt) as stopped:
         (renderer.integrate if is_exact else renderer.render_frame)(scene)
     assert stopped.value.args == (signal.SIGTERM,)
