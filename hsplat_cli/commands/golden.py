@@ -79,9 +79,9 @@ def golden(
             reports = sources.enter_context(open_reports(report))
             updates = plan_acceptance(reports, project, [*map(parse_decision, only)], also=also)
         else:
-            wanted = GoldenOptions(replaces=update, also=also, prunes=prune)
+            wanted = GoldenOptions(frames, replaces=update, also=also, prunes=prune)
             drawn = scenes_to_draw(project.scenes, wanted, reporter)
-            planned = [plan_update(each, frames, wanted, reporter, sources) for each in drawn]
+            planned = [plan_update(each, wanted, reporter, sources) for each in drawn]
             updates = [each for each in planned if each is not None]
             updates += plan_removals(project.unused, wanted, reporter)
         if not updates:

@@ -12,7 +12,8 @@ frame, as text, as a report with a page, and for CI; goldens that were drawn, or
 - `pytest_plugin.py`: the fixtures and options of pytest; `testing.py`: the work that they do.
 - `golden/`: `project.py` (golden.yaml), `record.py` (golden.json), `golden_folder.py` (changes it as a whole),
   `drawing.py` (draws a scene's frames), `changes.py` (changed keys), `value_text.py` (their values in
-  words), `scene_comparison.py`, `update.py`, `acceptance.py`.
+  words), `scene_comparison.py`, `merging.py` (new pictures), `update.py` (drawn ones), `acceptance.py` (those of a
+  report).
 """
 
 import lazy_loader

@@ -6,7 +6,6 @@ from .ci_files import (
 from .comparison import (
     ComparisonRequest as ComparisonRequest,
     compare as compare,
-    error_line as error_line,
 )
 from .golden.acceptance import (
     Decision as Decision,
@@ -14,6 +13,7 @@ from .golden.acceptance import (
     plan_acceptance as plan_acceptance,
 )
 from .golden.project import SceneRules as SceneRules, find_project as find_project, parse_rules as parse_rules
+from .golden.scene_comparison import error_line as error_line
 from .golden.update import (
     GoldenOptions as GoldenOptions,
     GoldenUpdate as GoldenUpdate,

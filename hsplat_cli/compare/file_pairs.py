@@ -96,8 +96,8 @@ def compare_files(golden: Path, actual: Path, limit: Limit, store: PictureStore,
                 replace(
                     frame,
                     frame=int(number[-1]) if number else None,
-                    old=None if old is None else store.add_pixels("old", file, old),
-                    new=None if new is None else store.add_pixels("new", file, new),
+                    old=None if old is None else store.add("old", file, old),
+                    new=None if new is None else store.add("new", file, new),
                 )
             )
             bar.advance()

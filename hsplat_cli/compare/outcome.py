@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 from hsplat_cli.compare.golden.record import Origin
+from renderer.accuracy import MOST_DB
 from renderer.record import RecordFile, field_types as types
 from renderer.scene import counted, schema
 
@@ -71,7 +72,7 @@ class ComparedFrame:
     name: str
     status: Status
     why: str
-    frame: Annotated[int | None, types.FRAME] = None
+    frame: Annotated[int | None, types.COUNT] = None
     psnr: Annotated[float | None, types.DECIBELS] = None
     part_psnr: Annotated[float | None, types.DECIBELS] = None
     part: Annotated[tuple[int, int] | None, schema.sequence_field(types.COUNT, "[x, y]", count=2)] = None
@@ -94,9 +95,25 @@ class ComparedFrame:
         return self.status == "missing" and self.new is None
 
     @property
+    def nearness(self) -> str:
+        """Return in words which picture is nearer to the exact one; an empty text if it was not measured."""
+        if self.nearer is None:
+            return ""
+        old, new = self.nearer.old, self.nearer.new
+        figures = f"the golden has {_exactness(old)} of the exact picture, the new one {_exactness(new)}"
+        if not self.nearer.differs:
+            return f"not known whether nearer to the exact picture: {figures}, by too few rays to be sure"
+        return f"{'nearer to' if new > old else 'further from'} the exact picture: {figures}"
+
+    @property
     def rank(self) -> tuple[bool, float]:
         """Return a sort key, worst first: failing frames before passing ones, then by the PSNR of the worst part."""
         return self.passes, -1.0 if self.part_psnr is None else self.part_psnr
+
+
+def _exactness(psnr: float) -> str:
+    """Return the PSNR of a picture against the exact one as text; it is MOST_DB if no probe shows an error."""
+    return f"{psnr:.1f} dB" if psnr < MOST_DB else f"{MOST_DB:.0f} dB or more"
 
 
 @dataclass(frozen=True)
@@ -111,6 +128,13 @@ class Change:
     was: str = ""
     now: str = ""
     line: Annotated[int, types.COUNT] = 0
+
+    @property
+    def words(self) -> str:
+        """Return the change in words: `error.tolerance was 0.1, is 0.2`."""
+        if self.key == "volume.fingerprint":
+            return "the voxels of the volume changed"
+        return f"{self.key} was {self.was or 'not there'}, is {self.now or 'gone'}"
 
 
 @dataclass(frozen=True)
@@ -136,10 +160,9 @@ class ComparedFilm:
     name: the name of the film: the path of its scene in the project, without a suffix. limit: the limit, as text.
     scene, goldens: the scene's file and the folder of its goldens, relative to the project; empty for pictures.
     error: why it was not compared. mistakes: those of the scene, if they are the reason. changes: the keys in which
-    scene, volume, device and versions differ from those of the goldens. notes: notes for the user. outdated: goldens
-    that nothing matches any more. origin: what drew the new frames. frames_per_second: the rate of the scene's film, if
-    it is known. flicker: between neighbouring frames, if they were drawn. frames: the frames, in their
-    order.
+    scene, volume, device and versions differ from those of the goldens. notes: notes for the user. origin: what drew
+    the new frames. frames_per_second: the rate of the scene's film, if it is known. flicker: between neighbouring
+    frames, if they were drawn. frames: the frames, in their order.
     """
 
     name: str
@@ -150,7 +173,6 @@ class ComparedFilm:
     mistakes: tuple[Mistake, ...] = ()
     changes: tuple[Change, ...] = ()
     notes: tuple[str, ...] = ()
-    outdated: tuple[str, ...] = ()
     origin: Origin | None = None
     frames_per_second: Annotated[float | None, types.AMOUNT] = None
     flicker: Flickers | None = None

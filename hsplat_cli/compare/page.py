@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import Any
 from urllib.parse import quote
 
-from hsplat_cli.compare.ci_files import nearness_text
 from hsplat_cli.compare.difference import PART_PX
 from hsplat_cli.compare.outcome import REPORT, VERDICTS, ComparedFilm, ComparedFrame, Comparison, ReportPicture
 from hsplat_cli.reports import Axis, Chart, Curve, Tick, render_page, round_numbers
@@ -80,10 +79,9 @@ class _PageFilm:
         ]
 
     @property
-    def nearness(self) -> list[tuple[int, str, str]]:
-        """Return index, name and nearness to the exact picture of each frame of which it was measured."""
-        frames = enumerate(self.outcome.frames)
-        return [(index, frame.name, nearness_text(frame)) for index, frame in frames if frame.nearer is not None]
+    def nearness(self) -> list[tuple[str, str]]:
+        """Return name and nearness to the exact picture of each frame of which it was measured."""
+        return [(frame.name, frame.nearness) for frame in self.outcome.frames if frame.nearer is not None]
 
     @property
     def facts(self) -> Iterator[tuple[str, str]]:
@@ -160,7 +158,7 @@ def _frame_data(frame: ComparedFrame, place: int, *, can_accept: bool) -> dict[s
         "whole": None if frame.psnr is None else round(frame.psnr, 1),
         "largest": None if frame.largest is None else round(frame.largest),
         "flip": None if frame.flip is None else round(frame.flip, 4),
-        "nearer": nearness_text(frame),
+        "nearer": frame.nearness,
         "old": _address(frame.old),
         "new": new,
     }

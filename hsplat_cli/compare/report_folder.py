@@ -36,48 +36,50 @@ _NAMES = {REPORT_FILE, PAGE_FILE, _PICTURES, "junit.xml", "code-quality.json", "
 
 @dataclass(frozen=True)
 class PictureStore:
-    """A place for the pictures of one film in a report. folder: its folder in the report; None to keep no pictures."""
+    """A place for the pictures of one film in a report.
 
-    root: Path
-    folder: Path | None
+    report: the folder of the report; None to keep no pictures. folder: the path of the film's folder in it.
+    """
 
-    def add(self, side: str, name: str, content: bytes, digest: str, psnr: float | None = None) -> ReportPicture:
-        """Keep a picture. side: `old` or `new`. content: of its PNG file."""
-        if self.folder is None:
+    report: Path | None
+    folder: str
+
+    def add(
+        self, side: str, name: str, picture: Pixels, psnr: float | None = None, content: bytes | None = None
+    ) -> ReportPicture:
+        """Keep a picture. side: `old` or `new`. content: of its PNG file, if it has one."""
+        digest = picture_digest(picture)
+        if self.report is None:
             return ReportPicture(digest, "", psnr)
-        path = self.folder / side / name
+        file = f"{self.folder}/{side}/{name}"
+        path = self.report / file
         with translate_os_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        return ReportPicture(digest, path.relative_to(self.root).as_posix(), psnr)
-
-    def add_pixels(self, side: str, name: str, picture: Pixels) -> ReportPicture:
-        """Keep a picture that is known as an array."""
-        return self.add(side, name, encode_png(picture), picture_digest(picture))
+            path.write_bytes(encode_png(picture) if content is None else content)
+        return ReportPicture(digest, file, psnr)
 
     def drop(self) -> None:
         """Remove all pictures of the film."""
-        if self.folder is not None:
-            shutil.rmtree(self.folder, ignore_errors=True)
+        if self.report is not None:
+            folder = self.report / self.folder
+            shutil.rmtree(folder, ignore_errors=True)
             with contextlib.suppress(OSError):  # other films have pictures, or this one had none
-                self.folder.parent.rmdir()
+                folder.parent.rmdir()
 
 
+@dataclass(frozen=True)
 class ReportFolder:
-    """A report that is being made. path: its folder in the end; None to make no report."""
+    """A report that is being made. making: its folder under a temporary name; None to make no report."""
 
-    def __init__(self, path: Path | None, making: Path | None) -> None:
-        self.path, self._making = path, making
+    making: Path | None
 
     def pictures(self, number: int) -> PictureStore:
         """Return the place for the pictures of a film. number: the index of the film."""
-        if self._making is None:
-            return PictureStore(Path(), None)
-        return PictureStore(self._making, self._making / _PICTURES / str(number))
+        return PictureStore(self.making, f"{_PICTURES}/{number}")
 
     def write(self, comparison: Comparison) -> None:
         """Write all files of the report beside the pictures."""
-        if self._making is None:
+        if self.making is None:
             return
         # Imported here: no report needs no templates.
         from hsplat_cli.compare.ci_files import code_quality, junit, summary_markdown
@@ -91,8 +93,8 @@ class ReportFolder:
             "summary.md": summary_markdown(comparison).encode(),
         }
         for name, content in contents.items():
-            with translate_os_errors(self._making / name):
-                (self._making / name).write_bytes(content)
+            with translate_os_errors(self.making / name):
+                (self.making / name).write_bytes(content)
 
 
 @contextlib.contextmanager
@@ -103,7 +105,7 @@ def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[ReportFol
     else has the name, or if an input is in the earlier report.
     """
     if path is None:
-        yield ReportFolder(None, None)
+        yield ReportFolder(None)
         return
     _require_replaceable(path, inputs)
     with translate_os_errors(path):
@@ -112,7 +114,7 @@ def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[ReportFol
         making = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
     try:
         making.chmod(0o777 & ~_umask())
-        yield ReportFolder(path, making)
+        yield ReportFolder(making)
         with translate_os_errors(path):
             making.rename(path)
     finally:

@@ -245,7 +245,7 @@ def edited_picture(change: Callable[[Any], Any], *, describes: bool) -> None:
 def test_a_picture_that_the_report_does_not_describe(capsys: pytest.CaptureFixture[str]) -> None:
     edited_picture(lambda pixels: pixels ^ np.uint8(1), describes=False)
     error = refused(capsys)
-    assert "report: films/1/new/frame-0001.png: this picture is not the one that the report describes" in error
+    assert "report/films/1/new/frame-0001.png: this picture is not the one that the report describes" in error
 
 
 def test_a_picture_of_another_size(capsys: pytest.CaptureFixture[str]) -> None:

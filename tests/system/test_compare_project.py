@@ -216,8 +216,8 @@ def test_what_cannot_be_compared_has_the_code_2(spoil: str, capsys: pytest.Captu
     error = {
         "no goldens": "this scene has no goldens",
         "no record": "golden.json does not list all goldens in this folder",
-        "cut off": "or remove the folder and draw the goldens anew",
-        "damaged": "restore it by `git checkout -- scenes/goldens/engine/frame-0002.png`, or draw it anew by `hsplat",
+        "cut off": "or remove the folder and draw the goldens again",
+        "damaged": "restore it by `git checkout -- scenes/goldens/engine/frame-0002.png`, or draw it again by `hsplat",
         "other format": "format 'hsplat golden 2'",
         "no scene": "scenes/goldens/engine: no scene has these goldens; hint: restore the scene, or remove the folder: "
         "`git rm -r scenes/goldens/engine`, or `hsplat golden scenes --update --prune`",
@@ -363,12 +363,14 @@ def test_goldens_of_several_machines_and_one_that_nothing_matches_any_more(
     code, films = report()
     assert code == 0
     assert [frame["golden"] for frame in films["engine"]["frames"]] == [3] * 4
-    outdated = films["engine"]["outdated"]
-    assert [name for name in outdated if name.startswith("frame-0000")] == ["frame-0000.png", "frame-0000-2.png"]
+    assert [note for note in films["engine"]["notes"] if "frame-0000" in note] == [
+        "nothing matches frame-0000.png any more",
+        "nothing matches frame-0000-2.png any more",
+    ]
     edit_scene("#00ff00", "#0000ff")
     code, films = report()
     assert (code, statuses(films["engine"])) == (1, ["different"] * 4)
-    assert "outdated" not in films["engine"]
+    assert not any("nothing matches" in note for note in films["engine"].get("notes", []))
 
 
 # Reports

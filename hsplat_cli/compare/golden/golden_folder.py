@@ -44,7 +44,7 @@ class GoldenFolder:
     def find(self) -> GoldenRecord | None:
         """Return the content of golden.json; None without it. Raises InputError, and SceneError for mistakes in it."""
         place = self._place(GOLDEN_RECORD_FILE)
-        with _restorable(place, "remove the folder and draw the goldens anew"):
+        with _restorable(place, "remove the folder and draw the goldens again"):
             return GOLDEN_RECORD.read(place) if os.path.lexists(place) else None
 
     def file(self, name: str) -> Path:
@@ -54,7 +54,7 @@ class GoldenFolder:
     def picture(self, name: str) -> Pixels:
         """Return the picture in the file of a golden. Raises InputError if it is damaged."""
         place = self.file(name)
-        with _restorable(place, "draw it anew by `hsplat golden --update`"):
+        with _restorable(place, "draw it again by `hsplat golden --update`"):
             return read_picture(place)
 
     def holds(self, picture: GoldenPicture) -> bool:
