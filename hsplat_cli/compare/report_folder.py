@@ -30,8 +30,8 @@ from renderer.scene import read_json_object
 REPORT_FILE = "report.json"
 PAGE_FILE = "index.html"
 _PICTURES = "films"
-# All names in a report: a folder with others is not replaced.
-_NAMES = {REPORT_FILE, PAGE_FILE, _PICTURES, "junit.xml", "code-quality.json", "summary.md"}
+# The names of the files of a report, beside its pictures.
+FILES = frozenset({REPORT_FILE, PAGE_FILE, "junit.xml", "code-quality.json", "summary.md"})
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def _require_replaceable(path: Path, inputs: Iterable[Path]) -> None:
 
 def _is_report(path: Path) -> bool:
     """Return whether a folder is an earlier report, without any other files."""
-    if not {each.name for each in folder_files(path)} <= _NAMES:
+    if not {each.name for each in folder_files(path)} <= FILES | {_PICTURES}:
         return False
     data = read_json_object(path / REPORT_FILE, REPORT.max_bytes) or {}
     return str(data.get("format")).startswith("hsplat comparison")
