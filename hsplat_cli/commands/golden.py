@@ -63,7 +63,7 @@ def golden(
         GoldenOptions,
         find_project,
         open_reports,
-        parse_decision,
+        parse_decisions,
         parse_rules,
         plan_acceptance,
         plan_removals,
@@ -77,7 +77,7 @@ def golden(
     with contextlib.ExitStack() as sources:
         if report is not None:
             reports = sources.enter_context(open_reports(report))
-            updates = plan_acceptance(reports, project, [*map(parse_decision, only)], also=also)
+            updates = plan_acceptance(reports, project, parse_decisions(only), also=also)
         else:
             wanted = GoldenOptions(frames, replaces=update, also=also, prunes=prune)
             drawn = scenes_to_draw(project.scenes, wanted, reporter)

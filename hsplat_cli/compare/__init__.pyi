@@ -8,8 +8,7 @@ from .comparison import (
     compare as compare,
 )
 from .golden.acceptance import (
-    Decision as Decision,
-    parse_decision as parse_decision,
+    parse_decisions as parse_decisions,
     plan_acceptance as plan_acceptance,
 )
 from .golden.project import SceneRules as SceneRules, find_project as find_project, parse_rules as parse_rules

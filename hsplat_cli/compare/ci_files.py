@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame, Comparison
+from hsplat_cli.compare.outcome import MOST_CHANGES, Change, ComparedFilm, ComparedFrame, Comparison
 from renderer.accuracy import MOST_DB
 from renderer.scene import counted
 from renderer.system import join_lines, printable
@@ -27,8 +27,6 @@ _MOST_ROWS = 200
 # The most films that the summary shows with their changes and frames, and the most frames of each.
 _MOST_FILMS = 3
 _MOST_FRAMES = 3
-# The most changes of a film that a text names.
-_MOST_CHANGES = 8
 # The most characters of a text that may come from a file, such as the message of an error.
 _MOST_CHARACTERS = 400
 
@@ -147,7 +145,7 @@ def _findings_of(film: ComparedFilm) -> Iterator[_Finding]:
     others = [change for change in film.changes if not change.line]
     for line, changes in sorted((lines or {1: []}).items()):
         told = [*changes, *others]
-        texts = [change.words for change in told[:_MOST_CHANGES]]
+        texts = [change.words for change in told[:MOST_CHANGES]]
         yield _Finding(film, line, [change.key for change in told], "; ".join([_short(film.summary), *texts]))
         others = []
 
@@ -181,7 +179,7 @@ def _film_section(film: ComparedFilm) -> Iterator[str]:
     """Yield the lines on a film that fails: what changed, and its worst frames with their figures."""
     yield f"**{_cell(film.name)}**"
     yield ""
-    for change in film.changes[:_MOST_CHANGES]:
+    for change in film.changes[:MOST_CHANGES]:
         yield f"- {_cell(change.words)}"
     if film.changes:
         yield ""

@@ -1,4 +1,4 @@
-"""Compare the pictures of one frame: with its golden, or with several of which it must be like one."""
+"""Compare the picture of a frame with a golden."""
 
 from __future__ import annotations
 
@@ -68,8 +68,3 @@ def _difference(figures: Figures) -> str:
     x, y = figures.part
     part = f"{figures.part_psnr:.1f} dB in {PART_PX} x {PART_PX} pixels at {x}, {y}"
     return f"{figures.psnr:.1f} dB, {part}, largest error {counted(round(figures.largest), 'step')} of 255"
-
-
-def nearest(frames: list[ComparedFrame]) -> ComparedFrame:
-    """Return the outcome of a frame that was compared with several goldens: with the one that it is most like."""
-    return max(frames, key=lambda frame: frame.rank)

@@ -29,6 +29,9 @@ _WORDS: dict[Status, str] = {
     "close": "close",
 }
 
+# The most changes of a scene that a text names.
+MOST_CHANGES = 8
+
 # The verdict on a film, the worst first. `not compared`: an error kept it from being compared.
 Verdict = Literal["not compared", "fails", "passes"]
 VERDICTS: tuple[Verdict, ...] = ("not compared", "fails", "passes")

@@ -6,6 +6,7 @@ suites should not wait for numpy.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import urllib.parse
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-# The most characters of a part of a report's path.
+# The most characters of a part of a report's path, but for a digest.
 _MOST_CHARACTERS = 100
 _ACCEPTED = pytest.StashKey[list[str]]()
 
@@ -120,5 +121,13 @@ def assert_frames_match(pytestconfig: pytest.Config) -> Callable[..., None]:
 def _report_folder(reports: Path) -> Path:
     """Return the folder for the report of the test that runs, by its name; artifacts of CI forbid some characters."""
     test = os.environ["PYTEST_CURRENT_TEST"].rpartition(" ")[0]
-    parts = [urllib.parse.quote(part, safe="[]")[:_MOST_CHARACTERS] for part in test.replace("::", "/").split("/")]
+    parts = map(_folder_name, test.replace("::", "/").split("/"))
     return reports.joinpath(*(part for part in parts if part.strip(".")))
+
+
+def _folder_name(part: str) -> str:
+    """Return a part of the name of a test as that of a folder; a long one has a digest in place of its end."""
+    name = urllib.parse.quote(part, safe="[]")
+    if len(name) <= _MOST_CHARACTERS:
+        return name
+    return f"{name[:_MOST_CHARACTERS]}-{hashlib.blake2b(name.encode(), digest_size=8).hexdigest()}"

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -111,9 +111,9 @@ def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[ReportFol
     with translate_os_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(path, ignore_errors=True)
-        making = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+        making = path.parent / f".{path.name}-{secrets.token_hex(4)}"
+        making.mkdir()
     try:
-        making.chmod(0o777 & ~_umask())
         yield ReportFolder(making)
         with translate_os_errors(path):
             making.rename(path)
@@ -147,10 +147,3 @@ def _is_report(path: Path) -> bool:
         return False
     data = read_json_object(path / REPORT_FILE, REPORT.max_bytes) or {}
     return str(data.get("format")).startswith("hsplat comparison")
-
-
-def _umask() -> int:
-    """Return the permissions that new files lack."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

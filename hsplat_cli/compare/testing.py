@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hsplat_cli.compare.comparison import ComparisonRequest, compare
-from hsplat_cli.compare.golden.acceptance import parse_decision, plan_acceptance
+from hsplat_cli.compare.golden.acceptance import parse_decisions, plan_acceptance
 from hsplat_cli.compare.golden.project import find_project, parse_rules, unused_error
 from hsplat_cli.compare.golden.update import update_goldens
 from hsplat_cli.compare.report_source import open_reports
@@ -31,7 +31,7 @@ def accept_goldens(report: Path, places: Sequence[str], only: Sequence[str]) -> 
 
     only: as on the command line. Return a line for each changed film.
     """
-    decisions = [*map(parse_decision, only)]
+    decisions = parse_decisions(only)
     with open_reports(report) as reports:
         updates = plan_acceptance(reports, find_project(places), decisions)
         update_goldens(updates, Reporter(is_quiet=True), lambda: True, yes=True)

@@ -145,6 +145,18 @@ def test_each_scene_is_a_test_of_its_own(scenes: Path) -> None:
     assert f"report: {page}" in printed and page.is_file()
 
 
+def test_long_names_of_tests_have_reports_of_their_own(pictures: Path) -> None:
+    (pictures / "test_names.py").write_text(
+        "import pytest\n"
+        "@pytest.mark.parametrize('name', ['\u4e2d' * 30 + end for end in 'ab'])\n"
+        "def test(name, assert_frames_match):\n"
+        "    assert_frames_match('golden', 'other')\n",
+        "utf-8",
+    )
+    run_pytest(pictures, "test_names.py", "--golden-report", "out")
+    assert len(list((pictures / "out").rglob("report.json"))) == 2
+
+
 def test_a_golden_yaml_is_needed_and_may_be_named(scenes: Path) -> None:
     Path("golden.yaml").rename("scenes/golden.yaml")
     Path("scenes/golden.yaml").write_text("goldens: ../all/scenes\n", "utf-8")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -28,40 +28,48 @@ _HINT_FOR_REMOVALS = "`hsplat golden --update --prune` draws the film's own fram
 _RUN = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
 
 
-@dataclass(frozen=True)
-class Decision:
-    """A decision to accept frames of a film. film: its name. frames: their numbers; None for all that fail."""
+def parse_decisions(texts: Iterable[str]) -> dict[str, frozenset[int] | None]:
+    """Return the frames of each film that values of `--only` spell: `engine`, or `scenes/engine:12-18,40`.
 
-    film: str
-    frames: frozenset[int] | None = None
+    A film alone has None, for all its frames that fail. Values for one film are joined.
+    """
+    found = dict[str, frozenset[int] | None]()
+    for text in texts:
+        film, colon, runs = text.rpartition(":")
+        if not (film or runs):
+            raise InputError("an empty name", where="--only", got=repr(text), expected="SCENE, or SCENE:12-18,40")
+        if not colon:
+            found[text] = None
+            continue
+        frames = frozenset(frame for run in runs.split(",") for frame in _run(run, text))
+        before = found.get(film, frozenset())
+        found[film] = None if before is None else before | frames
+    return found
 
 
-def parse_decision(text: str) -> Decision:
-    """Return the decision that a value of `--only` spells: `engine`, or `scenes/engine:12-18,40`."""
-    film, colon, runs = text.rpartition(":")
-    if not (film or runs):
-        raise InputError("an empty name", where="--only", got=repr(text), expected="SCENE, or SCENE:12-18,40")
-    if not colon:
-        return Decision(text)
-    frames = set[int]()
-    for run in runs.split(","):
-        found = _RUN.fullmatch(run.strip())
-        first = int(found[1]) if found else -1
-        last = int(found[2]) if found and found[2] else first
-        if not 0 <= first <= last < MAX_FRAMES:
-            raise InputError("not frames of a film", where="--only", got=text, expected="SCENE:12-18,40")
-        frames.update(range(first, last + 1))
-    return Decision(film, frozenset(frames))
+def _run(run: str, text: str) -> range:
+    """Return a run of frames, `7` or `12-18`. text: the whole value, for the message."""
+    found = _RUN.fullmatch(run.strip())
+    first = int(found[1]) if found else -1
+    last = int(found[2]) if found and found[2] else first
+    if not 0 <= first <= last < MAX_FRAMES:
+        raise InputError("not frames of a film", where="--only", got=text, expected="SCENE:12-18,40")
+    return range(first, last + 1)
 
 
 def plan_acceptance(
-    sources: Sequence[ReportSource], project: GoldenProject, only: Sequence[Decision], *, also: bool = False
+    sources: Sequence[ReportSource],
+    project: GoldenProject,
+    only: Mapping[str, frozenset[int] | None],
+    *,
+    also: bool = False,
 ) -> list[GoldenUpdate]:
     """Plan the changes that make pictures of reports the goldens of a project's scenes.
 
     The reports must stay open until the plan has been carried out.
 
-    only: the films, or frames of them, that are accepted; all that fail if it is empty. also: whether the pictures
+    only: the films that are accepted, by name, and their frames, as `parse_decisions` returns them; all that fail if
+    it is empty. also: whether the pictures
     become further goldens beside those that they were compared with.
     Raises InputError if a scene, its volume or its goldens are not those that were compared, if a report was edited,
     if there is nothing to accept, or if the job compares. Frames that were accepted before are left out.
@@ -71,10 +79,10 @@ def plan_acceptance(
     where = f"{sources[0].path} and {len(sources) - 1} more" if len(sources) > 1 else str(sources[0].path)
     failing = dict[str, tuple[ReportSource, ComparedFilm]]()
     for source, film in reported:
-        if film.verdict == "fails" and failing.setdefault(film.name, (source, film))[1] is not film:
+        if film.verdict == "fails" and film.scene and failing.setdefault(film.name, (source, film))[1] is not film:
             got = f"{film.name}, in {failing[film.name][0].path} and {source.path}"
             raise InputError("two films that fail have one name", where=where, got=got, hint="accept one report")
-    decisions = _by_film(only) if only else dict.fromkeys(failing)
+    decisions = only or dict.fromkeys(failing)
     if not decisions:
         raise _nothing_fails([film for _, film in reported], where)
     scenes = {scene.name: scene for scene in project.scenes}
@@ -104,22 +112,13 @@ def _nothing_fails(films: Sequence[ComparedFilm], where: str) -> InputError:
     """Return the error of a report without a film that fails: its films pass, or they could not be compared."""
     errors = [f"{film.name}: {film.summary}" for film in films if film.verdict == "not compared"]
     if not errors:
-        return InputError("nothing fails in this report", where=where)
+        return InputError("no film of a scene fails in this report", where=where)
     return InputError(
         f"nothing can be accepted: {counted(len(errors), 'film')} could not be compared",
         where=where,
         got=first_few(errors, between="; "),
         hint="mend that, and compare again; `hsplat golden` draws the first goldens of a scene",
     )
-
-
-def _by_film(decisions: Sequence[Decision]) -> dict[str, frozenset[int] | None]:
-    """Return the accepted frames of each film; None for all that fail. Decisions on one film are joined."""
-    found = dict[str, frozenset[int] | None]()
-    for decision in decisions:
-        before = found.get(decision.film, frozenset())
-        found[decision.film] = None if before is None or decision.frames is None else before | decision.frames
-    return found
 
 
 @dataclass(frozen=True)

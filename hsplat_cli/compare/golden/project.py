@@ -93,12 +93,10 @@ class GoldenScene:
 class GoldenProject:
     """A project of goldens.
 
-    root: the folder to which the names of scenes are relative. scenes: at least one, in the order of names. unused:
-    the folders of goldens that belong to no scene. They are looked for where all scenes of a golden.yaml, or of a
-    folder, are named.
+    scenes: at least one, in the order of names. unused: the folders of goldens that belong to no scene. They are looked
+    for where all scenes of a golden.yaml, or of a folder, are named.
     """
 
-    root: Path
     scenes: Sequence[GoldenScene]
     unused: Sequence[GoldenFolder] = ()
 
@@ -164,7 +162,9 @@ def find_project(places: Sequence[str], goldens: Path | None = None, rules: Scen
             found.setdefault(scene.file.resolve(), scene)
     is_one_file = len(named) == 1 and named[0].is_file() and named[0].name != PROJECT_FILE
     unused = [] if is_one_file else [*_unused(read, found)]
-    return _checked(_joined([Path(os.path.abspath(place.root)) for place in read], [*found.values()], unused))
+    scenes = _named([Path(os.path.abspath(place.root)) for place in read], [*found.values()])
+    _require_distinct(scenes)
+    return GoldenProject(scenes, unused)
 
 
 def _own_project() -> str:
@@ -178,21 +178,21 @@ def _own_project() -> str:
     return PROJECT_FILE
 
 
-def _joined(roots: Sequence[Path], scenes: Sequence[GoldenScene], unused: Sequence[GoldenFolder]) -> GoldenProject:
-    """Return one project of the scenes of several; their names are relative to the folder that all have in common."""
-    root = Path(os.path.commonpath(roots))
+def _named(roots: Sequence[Path], scenes: Sequence[GoldenScene]) -> list[GoldenScene]:
+    """Return scenes in the order of their names, which are relative to the folder that all roots have in common."""
     if len(set(roots)) > 1:
+        root = Path(os.path.commonpath(roots))
         scenes = [replace(scene, name=_name(scene.file, root)) for scene in scenes]
-    return GoldenProject(root, sorted(scenes, key=lambda scene: scene.name), unused)
+    return sorted(scenes, key=lambda scene: scene.name)
 
 
-def _checked(project: GoldenProject) -> GoldenProject:
-    """Raise InputError if two scenes of a project would share their goldens.
+def _require_distinct(scenes: Sequence[GoldenScene]) -> None:
+    """Raise InputError if two scenes would share their goldens.
 
     Some file systems ignore the case of names, or how their accents are coded.
     """
     owners = dict[str, GoldenScene]()
-    for scene in project.scenes:
+    for scene in scenes:
         place = unicodedata.normalize("NFC", str(scene.folder.path.resolve())).casefold()
         other = owners.setdefault(place, scene)
         if other is not scene:
@@ -203,7 +203,6 @@ def _checked(project: GoldenProject) -> GoldenProject:
                 got=f"{scene.folder.path}, as of {other.file}",
                 hint="rename one of them" if is_beside else f"list both in a {PROJECT_FILE} above them",
             )
-    return project
 
 
 def _expanded(place: str) -> list[Path]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
-from hsplat_cli.compare.frame_comparison import compare_frame, nearest
+from hsplat_cli.compare.frame_comparison import compare_frame
 from hsplat_cli.compare.golden.changes import changes_since
 from hsplat_cli.compare.golden.drawing import (
     DrawnFrames,
@@ -176,7 +176,7 @@ class _Comparer:
             replace(self._compare_one(name, picture, actual, golden.frame), golden=number)
             for number, picture in enumerate(golden.pictures, 1)
         ]
-        frame = nearest(found)
+        frame = max(found, key=lambda each: each.rank)  # with the golden that it is most like
         old = self._old(golden.frame, golden.pictures[frame.golden - 1])
         return replace(frame, frame=golden.frame, old=old, new=self._new(golden.frame, actual, content))
 
@@ -190,9 +190,9 @@ class _Comparer:
     def _old(self, number: int, golden: GoldenPicture) -> ReportPicture:
         """Keep a golden picture of a frame in the report, if it has a file."""
         if golden.file is None or not self.folder.file(golden.file).exists():
-            return ReportPicture(golden.digest, "", golden.psnr)
+            return ReportPicture(golden.digest)
         picture, content = self.folder.picture(golden.file), file_content(self.folder.file(golden.file))
-        return self.store.add("old", golden_file_name(number, number + 1), picture, golden.psnr, content)
+        return self.store.add("old", golden_file_name(number, number + 1), picture, content=content)
 
     def _new(self, number: int, picture: Pixels, content: bytes) -> ReportPicture:
         """Keep a drawn picture of a frame in the report."""

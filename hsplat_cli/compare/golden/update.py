@@ -12,7 +12,7 @@ from itertools import pairwise
 from hsplat_cli.compare.difference import measure_difference
 from hsplat_cli.compare.frame_comparison import compare_frame
 from hsplat_cli.compare.golden.changes import changes_since
-from hsplat_cli.compare.golden.drawing import DrawnFrames, default_limit, drawn_frames, load_golden_job
+from hsplat_cli.compare.golden.drawing import DrawnFrames, drawn_frames, load_golden_job
 from hsplat_cli.compare.golden.golden_folder import Content, GoldenFolder
 from hsplat_cli.compare.golden.merging import GoldenMerger, keeps_files
 from hsplat_cli.compare.golden.project import GoldenScene, SceneRules
@@ -25,6 +25,7 @@ from hsplat_cli.compare.golden.record import (
     picture_digest,
 )
 from hsplat_cli.compare.limit import HINT_FOR_DIGESTS, LIMIT_OF_DIGESTS, SAME_BYTES, Limit
+from hsplat_cli.compare.outcome import MOST_CHANGES
 from hsplat_cli.compare.picture_file import file_content, read_picture
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, format_table, parse_frames
@@ -41,10 +42,10 @@ _EVENTS_OF_CHANGES = (
     "merge_group",
     "merge_request_event",
 )
+# The limit of scenes that OpenGL draws, whose drivers round in different ways.
+_OPENGL_LIMIT = Limit("decibels", 40.0)
 # The largest number of changed goldens that the terminal lists.
-_MAX_LINES = 20
-# The largest number of changed keys that the terminal lists.
-_MAX_CHANGES = 8
+_MOST_LINES = 20
 # The change of a golden that replaces none.
 _NEW = "new"
 
@@ -170,12 +171,13 @@ def plan_removals(unused: Sequence[GoldenFolder], options: GoldenOptions, report
 
 
 def limit_of(scene: GoldenScene, record: GoldenRecord | None, job: FilmJob) -> Limit:
-    """Return the limit of a scene. record: the content of golden.json; None for first goldens.
+    """Return the limit of a scene: by its rules, else the same bytes, which bricks have on every processor.
 
-    Raises InputError for another limit than `same bytes` where only digests are kept.
+    record: the content of golden.json; None for first goldens. Raises InputError for another limit than `same bytes`
+    where only digests are kept.
     """
     if keeps_files(scene.rules, record):
-        return scene.rules.limit or default_limit(job)
+        return scene.rules.limit or (_OPENGL_LIMIT if job.scene.at(0).needs_opengl else SAME_BYTES)
     if scene.rules.limit not in (None, SAME_BYTES):
         got = f"{scene.rules.limit}"
         raise InputError(LIMIT_OF_DIGESTS, where=f"limit of {scene.name}", got=got, hint=HINT_FOR_DIGESTS)
@@ -292,7 +294,7 @@ class _Drawing:
         """Return the changes in words. rows: of the goldens."""
         if self.before is None:
             return [f"{self.scene.name}: {counted(len(after.frames), 'golden')}"]
-        shown = rows[:_MAX_LINES]
+        shown = rows[:_MOST_LINES]
         found = [f"{self.scene.name}: {counted(len(rows), 'golden')} of {len(self.before.frames)}"]
         found += [f"  {line}" for line in format_table(shown).splitlines()] if shown else []
         if len(rows) > len(shown):
@@ -300,7 +302,7 @@ class _Drawing:
         if after.selection != self.before.selection:
             found.append(f"  frames {after.selection}, in place of {self.before.selection}")
         changes = [*changes_since(self.before, self.before.frames, self.drawn.origin, self.scene.file)]
-        return [*found, *(f"  {change.words}" for change in changes[:_MAX_CHANGES])]
+        return [*found, *(f"  {change.words}" for change in changes[:MOST_CHANGES])]
 
     def neighbour_lines(self) -> Iterator[str]:
         """Yield a line on neighbouring frames that would pass as each other: the limit cannot tell them apart."""
