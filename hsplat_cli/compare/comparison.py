@@ -11,7 +11,7 @@ from hsplat_cli.compare.golden.project import SceneRules, find_project, unused_e
 from hsplat_cli.compare.golden.scene_comparison import compare_scene, error_line, shown_place
 from hsplat_cli.compare.limit import SAME_BYTES
 from hsplat_cli.compare.outcome import ComparedFilm, Comparison
-from hsplat_cli.compare.report_folder import ReportFolder, open_report
+from hsplat_cli.compare.report_folder import PictureStore, open_report, write_report
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError
@@ -45,8 +45,8 @@ def compare(request: ComparisonRequest, reporter: Reporter) -> Comparison:
             comparison = Comparison(tuple(_scenes(request, report, reporter)), tuple(_arguments(request)))
         else:
             limit = request.rules.limit or SAME_BYTES
-            comparison = Comparison((compare_files(*pair, limit, report.pictures(0), reporter),))
-        report.write(comparison)
+            comparison = Comparison((compare_files(*pair, limit, PictureStore(report, 0), reporter),))
+        write_report(report, comparison)
     return comparison
 
 
@@ -88,14 +88,14 @@ def _arguments(request: ComparisonRequest) -> list[str]:
     return [*request.places, *goldens]
 
 
-def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter) -> Iterator[ComparedFilm]:
+def _scenes(request: ComparisonRequest, report: Path | None, reporter: Reporter) -> Iterator[ComparedFilm]:
     """Compare all scenes of a project, one after the other. Goldens that no scene has are an outcome, too."""
     project = find_project(request.places, request.goldens, replace(request.rules, frames=None))
     for number, scene in enumerate(project.scenes):
         if len(project.scenes) > 1:
             reporter.status(f"{scene.name} ({number + 1} of {len(project.scenes)})")
         of_scene = SceneRequest(scene.file, request.overrides, request.volume, request.rules.frames)
-        yield compare_scene(scene, of_scene, report.pictures(number), reporter)
+        yield compare_scene(scene, of_scene, PictureStore(report, number), reporter)
     for folder in project.unused:  # their scene was renamed, or removed
         place, error = shown_place(folder.path), error_line(unused_error(folder, _arguments(request)))
         yield ComparedFilm(place, str(SAME_BYTES), goldens=place, error=error)

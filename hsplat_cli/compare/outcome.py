@@ -6,7 +6,7 @@ A film is a scene whose frames were drawn and compared with its goldens, or a se
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -204,16 +204,6 @@ class ComparedFilm:
         if num_failing:
             return f"{num_failing} of {counted(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
         return f"{counted(num, 'frame')} {'passes' if num == 1 else 'pass'}: {parts}"
-
-    @property
-    def without_pictures(self) -> ComparedFilm:
-        """Return the outcome for a report that has no pictures of the film."""
-
-        def bare(picture: ReportPicture | None) -> ReportPicture | None:
-            return None if picture is None else replace(picture, file="")
-
-        frames = [replace(frame, old=bare(frame.old), new=bare(frame.new)) for frame in self.frames]
-        return replace(self, frames=tuple(frames))
 
 
 @dataclass(frozen=True)

@@ -207,7 +207,7 @@ def _chart(film: _PageFilm) -> Chart:
             Curve(limit, points([frame.least for frame in frames]), "series-2"),
             Curve(part, points([frame.part_psnr for frame in frames]), "series-1", "small circle"),
         ],
-        f"{_marks_text(film)}A click shows a frame; dragging, or a click with Shift, selects a run of frames.",
+        f"{_marks_text(film)}A click shows a frame; dragging selects a run of frames.",
         f"PSNR over the frames of {printable(film.outcome.name)}: {film.outcome.summary}",
         marks=[(film.place(index), f"{_name(film, index)}: {text}") for index, text in _marks(film)],
         size=_CHART_PX,

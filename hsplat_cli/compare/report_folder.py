@@ -18,11 +18,11 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hsplat_cli.compare.golden.record import picture_digest
-from hsplat_cli.compare.outcome import REPORT, Comparison, ReportPicture
+from hsplat_cli.compare.outcome import REPORT, ComparedFilm, Comparison, ReportPicture
 from renderer.errors import InputError
 from renderer.film import Pixels, encode_png, folder_files, translate_os_errors
 from renderer.scene import read_json_object
@@ -38,11 +38,11 @@ FILES = frozenset({REPORT_FILE, PAGE_FILE, "junit.xml", "code-quality.json", "su
 class PictureStore:
     """A place for the pictures of one film in a report.
 
-    report: the folder of the report; None to keep no pictures. folder: the path of the film's folder in it.
+    report: the folder of the report; None to keep no pictures. number: the index of the film.
     """
 
     report: Path | None
-    folder: str
+    number: int
 
     def add(
         self, side: str, name: str, picture: Pixels, psnr: float | None = None, content: bytes | None = None
@@ -51,61 +51,61 @@ class PictureStore:
         digest = picture_digest(picture)
         if self.report is None:
             return ReportPicture(digest, "", psnr)
-        file = f"{self.folder}/{side}/{name}"
+        file = f"{_PICTURES}/{self.number}/{side}/{name}"
         path = self.report / file
         with translate_os_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(encode_png(picture) if content is None else content)
         return ReportPicture(digest, file, psnr)
 
-    def drop(self) -> None:
-        """Remove all pictures of the film."""
+    def settled(self, film: ComparedFilm) -> ComparedFilm:
+        """Return the film as the report has it: the pictures of one that does not fail are removed."""
+        if film.verdict == "fails":
+            return film
         if self.report is not None:
-            folder = self.report / self.folder
+            folder = self.report / _PICTURES / str(self.number)
             shutil.rmtree(folder, ignore_errors=True)
             with contextlib.suppress(OSError):  # other films have pictures, or this one had none
                 folder.parent.rmdir()
+        frames = [replace(frame, old=_without_file(frame.old), new=_without_file(frame.new)) for frame in film.frames]
+        return replace(film, frames=tuple(frames))
 
 
-@dataclass(frozen=True)
-class ReportFolder:
-    """A report that is being made. making: its folder under a temporary name; None to make no report."""
+def _without_file(picture: ReportPicture | None) -> ReportPicture | None:
+    return picture and replace(picture, file="")
 
-    making: Path | None
 
-    def pictures(self, number: int) -> PictureStore:
-        """Return the place for the pictures of a film. number: the index of the film."""
-        return PictureStore(self.making, f"{_PICTURES}/{number}")
+def write_report(report: Path | None, comparison: Comparison) -> None:
+    """Write all files of a report beside its pictures. report: the folder; None to make no report."""
+    if report is None:
+        return
+    # Imported here: no report needs no templates.
+    from hsplat_cli.compare.ci_files import code_quality, junit, summary_markdown
+    from hsplat_cli.compare.page import report_page
 
-    def write(self, comparison: Comparison) -> None:
-        """Write all files of the report beside the pictures."""
-        if self.making is None:
-            return
-        # Imported here: no report needs no templates.
-        from hsplat_cli.compare.ci_files import code_quality, junit, summary_markdown
-        from hsplat_cli.compare.page import report_page
-
-        contents = {
-            REPORT_FILE: REPORT.content(comparison),
-            PAGE_FILE: report_page(comparison).encode(),
-            "junit.xml": junit(comparison).encode(),
-            "code-quality.json": code_quality(comparison).encode(),
-            "summary.md": summary_markdown(comparison).encode(),
-        }
-        for name, content in contents.items():
-            with translate_os_errors(self.making / name):
-                (self.making / name).write_bytes(content)
+    contents = {
+        REPORT_FILE: REPORT.content(comparison),
+        PAGE_FILE: report_page(comparison).encode(),
+        "junit.xml": junit(comparison).encode(),
+        "code-quality.json": code_quality(comparison).encode(),
+        "summary.md": summary_markdown(comparison).encode(),
+    }
+    for name, content in contents.items():
+        with translate_os_errors(report / name):
+            (report / name).write_bytes(content)
 
 
 @contextlib.contextmanager
-def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[ReportFolder]:
-    """Open a report, which gets its name at the end of the block. An earlier report of this name is removed first.
+def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[Path | None]:
+    """Open the folder of a report, which gets its name at the end of the block; None to make no report.
+
+    An earlier report of this name is removed first.
 
     inputs: files and folders that are read. If the block raises, there is no report. Raises InputError if something
     else has the name, or if an input is in the earlier report.
     """
     if path is None:
-        yield ReportFolder(None)
+        yield None
         return
     _require_replaceable(path, inputs)
     with translate_os_errors(path):
@@ -114,7 +114,7 @@ def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[ReportFol
         making = path.parent / f".{path.name}-{secrets.token_hex(4)}"
         making.mkdir()
     try:
-        yield ReportFolder(making)
+        yield making
         with translate_os_errors(path):
             making.rename(path)
     finally:

@@ -128,7 +128,7 @@ def test_the_fixture_compares_as_the_command_does(pictures: Path) -> None:
     assert "report: report/index.html" in errors
     assert "AssertionError: nowhere: no such file or folder" in errors
     assert "AssertionError: --limit roughly: not a limit" in errors
-    assert "testing.py" not in printed and "pytest_plugin.py" not in printed, "pytest shows the test"
+    assert "pytest_plugin.py" not in printed, "pytest shows the test"
     assert (pictures / "report/index.html").stat().st_size > 0
 
 

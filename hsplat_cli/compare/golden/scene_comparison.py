@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -78,10 +78,7 @@ def compare_scene(scene: GoldenScene, request: SceneRequest, store: PictureStore
         film = _compared(film, scene, request, store, reporter)
     except HsplatError as error:
         film = replace(film, error=error_line(error), mistakes=tuple(_mistakes(error, scene.file)))
-    if film.verdict == "fails":
-        return film
-    store.drop()
-    return film.without_pictures
+    return store.settled(film)
 
 
 def _compared(
@@ -125,7 +122,7 @@ def _compared(
             film,
             limit=str(limit),
             changes=tuple(changes_since(record, failing or goldens, drawn.origin, scene.file)),
-            notes=(*drawn.record.notes, *_notes(others, _outdated(record, goldens, frames, drawn.origin))),
+            notes=(*drawn.record.notes, *_notes(others, [*_outdated(record, goldens, frames, drawn.origin)])),
             origin=drawn.origin,
             frames_per_second=job.scene.output.frames_per_second,
             flicker=None if drawn.flicker is None else Flickers(drawn.flicker, record.flicker),
@@ -257,7 +254,8 @@ def _outdated(
                 yield picture.file or f"frame {golden.frame}, golden {number}"
 
 
-def _notes(unlisted: Sequence[str], outdated: Iterable[str]) -> Iterator[str]:
+def _notes(unlisted: Sequence[str], outdated: Sequence[str]) -> Iterator[str]:
     if unlisted:
         yield f"not compared, because golden.json does not list them: {first_few(unlisted)}"
-    yield from (f"nothing matches {name} any more" for name in outdated)
+    if outdated:
+        yield f"no picture matches these goldens any more: {first_few(outdated)}"
