@@ -156,8 +156,8 @@ def _property(text: str) -> str:
 
 
 def _data(text: str) -> str:
-    """Escape the message of a workflow command."""
-    return printable(text).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+    """Escape the message of a workflow command, which is one line."""
+    return printable(text).replace("%", "%25")
 
 
 def summary_markdown(comparison: Comparison) -> str:

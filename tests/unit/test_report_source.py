@@ -6,6 +6,7 @@ import os
 import shutil
 import stat
 import struct
+import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -170,7 +171,12 @@ def test_a_bomb_is_read_no_further_than_its_header_says(tmp_path: Path) -> None:
     data = bytearray(path.read_bytes())
     struct.pack_into("<I", data, data.rindex(PICTURE.encode()) - 46 + 24, 1000)
     path.write_bytes(data)
-    assert "a damaged file" in refusal(path)
+    tracemalloc.start()
+    try:
+        assert "a damaged file" in refusal(path)
+        assert tracemalloc.get_traced_memory()[1] < 2**24
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_bomb_of_an_outcome(tmp_path: Path) -> None:
