@@ -94,11 +94,12 @@ def test_digests_have_no_pictures_and_are_as_strict(capsys: pytest.CaptureFixtur
     assert "other stored values than those of the golden's digest" in capsys.readouterr().out
 
 
-def test_digests_become_pictures_by_the_project_file() -> None:
+def test_digests_become_pictures_by_the_project_file(capsys: pytest.CaptureFixture[str]) -> None:
     before = files()
     assert golden(*UPDATE, "--digests") == 0
     Path("scenes/golden.yaml").write_text("pictures: files\n")
-    assert golden(*UPDATE) == 0
+    assert main.run(["golden", "scenes/engine.yaml", "--update"]) == 0, "nothing is replaced, so that nobody is asked"
+    assert capsys.readouterr().out.splitlines()[:2] == ["engine: 4 goldens of 4", f"  {NAMES[0]}  new"]
     Path("scenes/golden.yaml").unlink()
     assert files() == before
 

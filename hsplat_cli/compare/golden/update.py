@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -150,7 +150,7 @@ def plan_update(
     after, contents = drawing.merged(_selection(scene, options, before, job, numbers))
     if before is not None and replace(after, flicker=before.flicker) == before and not contents:
         return None
-    rows = [*drawing.rows(after)]
+    rows = [*drawing.rows(after, contents.keys())]
     lines = [*drawing.lines(after, rows), *drawing.neighbour_lines()]
     return GoldenUpdate(scene.folder, before, after, contents, lines, asks=any(text != _NEW for _, text in rows))
 
@@ -268,22 +268,22 @@ class _Drawing:
         stated = golden.psnr, self.drawn.psnr.get(frame)
         return compare_frame("", self.scene.folder.picture(golden.file), picture, self.limit, stated).passes
 
-    def rows(self, after: GoldenRecord) -> Iterator[tuple[str, str]]:
-        """Yield the file and the change of each golden that there was or will be, in words."""
+    def rows(self, after: GoldenRecord, written: Set[str]) -> Iterator[tuple[str, str]]:
+        """Yield the file and the change of each golden that changes, in words. written: the names of new files."""
         goldens = self.before.by_frame if self.before else {}
         for frame in sorted(goldens.keys() | after.by_frame.keys()):
-            change = self._change(goldens.get(frame), after.by_frame.get(frame))
+            change = self._change(goldens.get(frame), after.by_frame.get(frame), written)
             if change:
                 yield golden_file_name(frame, self.num_frames), change
 
-    def _change(self, before: Golden | None, after: Golden | None) -> str:
-        """Return the change of a golden in words; an empty text where its pictures stay."""
+    def _change(self, before: Golden | None, after: Golden | None, written: Set[str]) -> str:
+        """Return the change of a golden in words; an empty text without one."""
         if before is None or after is None:
             return "removed" if after is None else _NEW
         if {each.digest for each in before.pictures} <= {each.digest for each in after.pictures}:
             if before.files and not after.files:
                 return "kept as a digest alone"
-            return _NEW if len(after.pictures) > len(before.pictures) else ""
+            return _NEW if len(after.pictures) > len(before.pictures) or written & {*after.files} else ""
         old = before.pictures[0]
         if old.file is None or not self.scene.folder.holds(old):
             return "other stored values"
