@@ -63,7 +63,7 @@ def golden(
         GoldenOptions,
         find_project,
         open_reports,
-        parse_decision,
+        parse_decisions,
         parse_rules,
         plan_acceptance,
         plan_removals,
@@ -77,11 +77,11 @@ def golden(
     with contextlib.ExitStack() as sources:
         if report is not None:
             reports = sources.enter_context(open_reports(report))
-            updates = plan_acceptance(reports, project, [*map(parse_decision, only)], also=also)
+            updates = plan_acceptance(reports, project, parse_decisions(only), also=also)
         else:
-            wanted = GoldenOptions(replaces=update, also=also, prunes=prune)
+            wanted = GoldenOptions(frames, replaces=update, also=also, prunes=prune)
             drawn = scenes_to_draw(project.scenes, wanted, reporter)
-            planned = [plan_update(each, frames, wanted, reporter, sources) for each in drawn]
+            planned = [plan_update(each, wanted, reporter, sources) for each in drawn]
             updates = [each for each in planned if each is not None]
             updates += plan_removals(project.unused, wanted, reporter)
         if not updates:

@@ -9,10 +9,11 @@ frame, as text, as a report with a page, and for CI; goldens that were drawn, or
 - `outcome.py`: the outcomes, which are the record of a report, too.
 - `report_folder.py`: writes a report; `page.py`: its page; `ci_files.py`: its files for CI; `report_source.py`: reads
   it, from a folder or a ZIP archive; `terminal_text.py`: the same for the terminal.
-- `pytest_plugin.py`: the fixtures and options of pytest; `testing.py`: the work that they do.
+- `pytest_plugin.py`: the fixtures and options of pytest.
 - `golden/`: `project.py` (golden.yaml), `record.py` (golden.json), `golden_folder.py` (changes it as a whole),
   `drawing.py` (draws a scene's frames), `changes.py` (changed keys), `value_text.py` (their values in
-  words), `scene_comparison.py`, `update.py`, `acceptance.py`.
+  words), `scene_comparison.py`, `merging.py` (new pictures), `update.py` (drawn ones), `acceptance.py` (those of a
+  report).
 """
 
 import lazy_loader

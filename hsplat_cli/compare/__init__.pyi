@@ -6,14 +6,18 @@ from .ci_files import (
 from .comparison import (
     ComparisonRequest as ComparisonRequest,
     compare as compare,
-    error_line as error_line,
 )
 from .golden.acceptance import (
-    Decision as Decision,
-    parse_decision as parse_decision,
+    parse_decisions as parse_decisions,
     plan_acceptance as plan_acceptance,
 )
-from .golden.project import SceneRules as SceneRules, find_project as find_project, parse_rules as parse_rules
+from .golden.project import (
+    SceneRules as SceneRules,
+    find_project as find_project,
+    parse_rules as parse_rules,
+    unused_error as unused_error,
+)
+from .golden.scene_comparison import error_line as error_line
 from .golden.update import (
     GoldenOptions as GoldenOptions,
     GoldenUpdate as GoldenUpdate,
@@ -26,11 +30,6 @@ from .limit import LIMIT_FIELD as LIMIT_FIELD, Limit as Limit
 from .outcome import ComparedFilm as ComparedFilm, ComparedFrame as ComparedFrame, Comparison as Comparison
 from .report_source import open_reports as open_reports
 from .terminal_text import comparison_text as comparison_text
-from .testing import (
-    accept_goldens as accept_goldens,
-    require_match as require_match,
-    tested_scenes as tested_scenes,
-)
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame, Comparison
+from hsplat_cli.compare.outcome import MOST_CHANGES, Change, ComparedFilm, ComparedFrame, Comparison
 from renderer.accuracy import MOST_DB
 from renderer.scene import counted
 from renderer.system import join_lines, printable
@@ -27,8 +27,6 @@ _MOST_ROWS = 200
 # The most films that the summary shows with their changes and frames, and the most frames of each.
 _MOST_FILMS = 3
 _MOST_FRAMES = 3
-# The most changes of a film that a text names.
-_MOST_CHANGES = 8
 # The most characters of a text that may come from a file, such as the message of an error.
 _MOST_CHARACTERS = 400
 
@@ -57,8 +55,9 @@ def _add_suite(root: Element, film: ComparedFilm) -> None:
         if not frame.passes:
             failure = SubElement(case, "failure", message=printable(frame.why), type=frame.status)
             flip = [] if frame.flip is None else [f"FLIP {frame.flip:.3g}"]
-            nearness = [nearness_text(frame)] if frame.nearer else []
-            failure.text = join_lines([f"limit: {film.limit}", *flip, *nearness, *map(change_text, film.changes)])
+            nearness = [frame.nearness] if frame.nearer else []
+            changes = [change.words for change in film.changes]
+            failure.text = join_lines([f"limit: {film.limit}", *flip, *nearness, *changes])
 
 
 @dataclass(frozen=True)
@@ -146,16 +145,9 @@ def _findings_of(film: ComparedFilm) -> Iterator[_Finding]:
     others = [change for change in film.changes if not change.line]
     for line, changes in sorted((lines or {1: []}).items()):
         told = [*changes, *others]
-        texts = [change_text(change) for change in told[:_MOST_CHANGES]]
+        texts = [change.words for change in told[:MOST_CHANGES]]
         yield _Finding(film, line, [change.key for change in told], "; ".join([_short(film.summary), *texts]))
         others = []
-
-
-def change_text(change: Change) -> str:
-    """Return a change in words: `error.tolerance was 0.1, is 0.2`."""
-    if change.key == "volume.fingerprint":
-        return "the voxels of the volume changed"
-    return f"{change.key} was {change.was or 'not there'}, is {change.now or 'gone'}"
 
 
 def _property(text: str) -> str:
@@ -164,8 +156,8 @@ def _property(text: str) -> str:
 
 
 def _data(text: str) -> str:
-    """Escape the message of a workflow command."""
-    return printable(text).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+    """Escape the message of a workflow command, which is one line."""
+    return printable(text).replace("%", "%25")
 
 
 def summary_markdown(comparison: Comparison) -> str:
@@ -187,8 +179,8 @@ def _film_section(film: ComparedFilm) -> Iterator[str]:
     """Yield the lines on a film that fails: what changed, and its worst frames with their figures."""
     yield f"**{_cell(film.name)}**"
     yield ""
-    for change in film.changes[:_MOST_CHANGES]:
-        yield f"- {_cell(change_text(change))}"
+    for change in film.changes[:MOST_CHANGES]:
+        yield f"- {_cell(change.words)}"
     if film.changes:
         yield ""
     frames = film.failing[:_MOST_FRAMES]
@@ -207,7 +199,7 @@ def _frame_row(frame: ComparedFrame) -> Sequence[str]:
         _decibels(frame.part_psnr),
         "" if frame.flip is None else f"{frame.flip:.3g}",
         "" if frame.largest is None else f"{frame.largest:.0f} of 255",
-        _cell(nearness_text(frame)),
+        _cell(frame.nearness),
     )
 
 
@@ -235,19 +227,3 @@ def _short(text: str) -> str:
     """Return a text that is printable and not too long."""
     shown = printable(text)
     return shown if len(shown) <= _MOST_CHARACTERS else f"{shown[:_MOST_CHARACTERS]}..."
-
-
-def nearness_text(frame: ComparedFrame) -> str:
-    """Return which picture of a frame is nearer to the exact picture; empty if it was not measured."""
-    if frame.nearer is None:
-        return ""
-    old, new, differs = frame.nearer.old, frame.nearer.new, frame.nearer.differs
-    figures = f"the golden has {_exactness(old)} of the exact picture, the new one {_exactness(new)}"
-    if not differs:
-        return f"not known whether nearer to the exact picture: {figures}, by too few rays to be sure"
-    return f"{'nearer to' if new > old else 'further from'} the exact picture: {figures}"
-
-
-def _exactness(psnr: float) -> str:
-    """Return the PSNR of a picture against the exact one as text; it is MOST_DB if no probe shows an error."""
-    return f"{psnr:.1f} dB" if psnr < MOST_DB else f"{MOST_DB:.0f} dB or more"

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hsplat_cli.compare.file_pairs import compare_files, is_picture_set
-from hsplat_cli.compare.golden.project import GoldenProject, SceneRules, find_project, unused_error
-from hsplat_cli.compare.golden.scene_comparison import compare_scene
+from hsplat_cli.compare.golden.project import SceneRules, find_project, unused_error
+from hsplat_cli.compare.golden.scene_comparison import compare_scene, error_line, shown_place
 from hsplat_cli.compare.limit import SAME_BYTES
-from hsplat_cli.compare.outcome import ComparedFilm, Comparison, Mistake
-from hsplat_cli.compare.report_folder import ReportFolder, open_report
+from hsplat_cli.compare.outcome import ComparedFilm, Comparison
+from hsplat_cli.compare.report_folder import PictureStore, open_report, write_report
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
-from renderer.errors import HsplatError, InputError, SceneError
+from renderer.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -45,8 +44,9 @@ def compare(request: ComparisonRequest, reporter: Reporter) -> Comparison:
         if pair is None:
             comparison = Comparison(tuple(_scenes(request, report, reporter)), tuple(_arguments(request)))
         else:
-            comparison = Comparison((_files(pair, request, report, reporter),))
-        report.write(comparison)
+            limit = request.rules.limit or SAME_BYTES
+            comparison = Comparison((compare_files(*pair, limit, PictureStore(report, 0), reporter),))
+        write_report(report, comparison)
     return comparison
 
 
@@ -88,59 +88,14 @@ def _arguments(request: ComparisonRequest) -> list[str]:
     return [*request.places, *goldens]
 
 
-def _files(
-    pair: tuple[Path, Path], request: ComparisonRequest, report: ReportFolder, reporter: Reporter
-) -> ComparedFilm:
-    return compare_files(*pair, request.rules.limit or SAME_BYTES, report.pictures(0), reporter)
-
-
-def _scenes(request: ComparisonRequest, report: ReportFolder, reporter: Reporter) -> list[ComparedFilm]:
-    """Compare all scenes of a project, one after the other."""
+def _scenes(request: ComparisonRequest, report: Path | None, reporter: Reporter) -> Iterator[ComparedFilm]:
+    """Compare all scenes of a project, one after the other. Goldens that no scene has are an outcome, too."""
     project = find_project(request.places, request.goldens, replace(request.rules, frames=None))
-    films = []
     for number, scene in enumerate(project.scenes):
         if len(project.scenes) > 1:
             reporter.status(f"{scene.name} ({number + 1} of {len(project.scenes)})")
         of_scene = SceneRequest(scene.file, request.overrides, request.volume, request.rules.frames)
-        store = report.pictures(number)
-        try:
-            film = compare_scene(scene, of_scene, store, _place, reporter)
-        except HsplatError as error:
-            store.drop()
-            limit = str(scene.rules.limit or SAME_BYTES)
-            goldens = _place(scene.folder.path)
-            film = ComparedFilm(
-                scene.name, limit, _place(scene.file), goldens, error=error_line(error),
-                mistakes=tuple(_mistakes(error, scene.file)),
-            )  # fmt: skip
-        films.append(film)
-    return [*films, *_unused(project, _arguments(request))]
-
-
-def _place(path: Path) -> str:
-    """Return a path as people name it: relative to the current folder, with forward slashes."""
-    return Path(os.path.relpath(path)).as_posix()
-
-
-def error_line(error: HsplatError) -> str:
-    """Return the text of an error in one line."""
-    return _in_one_line(str(error))
-
-
-def _mistakes(error: HsplatError, file: Path) -> Iterator[Mistake]:
-    """Yield the mistakes in the file of a scene that an error lists. A missing key is told at the first line."""
-    for problem in error.problems if isinstance(error, SceneError) else ():
-        line = (problem.location or "").removeprefix(f"{file}:").partition(":")[0]
-        yield Mistake(_in_one_line(str(replace(problem, location=None))), int(line) if line.isdecimal() else 1)
-
-
-def _in_one_line(text: str) -> str:
-    """Return a message in one line, without the excerpt of a file, whose lines begin with a bar."""
-    return "; ".join(line.strip() for line in text.splitlines() if not line.strip().startswith("|"))
-
-
-def _unused(project: GoldenProject, arguments: Sequence[str]) -> Iterator[ComparedFilm]:
-    """Yield an outcome for the goldens that no scene of the project has: a scene was renamed, or removed."""
-    for folder in project.unused:
-        error = error_line(unused_error(folder, arguments))
-        yield ComparedFilm(_place(folder.path), str(SAME_BYTES), goldens=_place(folder.path), error=error)
+        yield compare_scene(scene, of_scene, PictureStore(report, number), reporter)
+    for folder in project.unused:  # their scene was renamed, or removed
+        place, error = shown_place(folder.path), error_line(unused_error(folder, _arguments(request)))
+        yield ComparedFilm(place, str(SAME_BYTES), goldens=place, error=error)

@@ -53,21 +53,26 @@ def measure_difference(golden: Pixels, actual: Pixels) -> Figures:
     assert golden.shape == actual.shape and golden.dtype == actual.dtype == np.uint8, (golden.shape, actual.shape)
     if golden is actual or np.array_equal(golden, actual):
         return SAME
-    errors = signed_errors(golden, actual)
+    errors = _signed_errors(golden, actual)
     squares = (errors.astype(np.float64) ** 2).mean(axis=2)
     height, width = (min(PART_PX, length) for length in squares.shape)
     sums = _sums_down(_sums_down(squares, height).T, width).T
     row, column = np.unravel_index(int(sums.argmax()), sums.shape)
     return Figures(
-        min(psnr(float(squares.mean())), MOST_DB),
-        min(psnr(float(sums[row, column]) / (height * width)), MOST_DB),
+        _decibels(float(squares.mean())),
+        _decibels(float(sums[row, column]) / (height * width)),
         (int(column), int(row)),
         float(np.abs(errors).max()) * _WHITE,
         is_same=False,
     )
 
 
-def signed_errors(golden: Pixels, actual: Pixels) -> Float32:
+def _decibels(mean_square: float) -> float:
+    """Return a PSNR from 0 to MOST_DB; rounding may make the largest error a little larger than white."""
+    return max(0.0, min(psnr(mean_square), MOST_DB))
+
+
+def _signed_errors(golden: Pixels, actual: Pixels) -> Float32:
     """Return actual minus golden, float32 [h, w, 3 or 4] in [-1, 1]; colours weighted by the larger opacity."""
     errors: Float32 = (actual.astype(np.float32) - golden) / np.float32(_WHITE)
     if golden.shape[2] == 4:
@@ -86,7 +91,7 @@ def measure_flip(golden: Pixels, actual: Pixels) -> float:
     It needs the package flip-evaluator (`has_flip`). Squares in which nothing differs are not computed.
     """
     height, width, channels = golden.shape
-    errors = signed_errors(golden, actual)
+    errors = _signed_errors(golden, actual)
     sums = [0.0] if channels == 3 else [0.0, 0.0]
     for around, cut in _blocks(height, width):
         if errors[around].any():

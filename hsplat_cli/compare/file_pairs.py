@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from hsplat_cli.compare.frame_comparison import compare_frame
 from hsplat_cli.compare.limit import Limit
-from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame
+from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame
 from hsplat_cli.compare.picture_file import MAX_PIXELS, decode_picture, file_content, is_picture, read_picture
 from hsplat_cli.compare.report_folder import PictureStore
 from hsplat_cli.terminal import Reporter
@@ -24,10 +24,8 @@ from renderer.film import (
     decode_film,
     folder_files,
     frame_path,
-    sidecar_path_of_file,
 )
 from renderer.readers import natural_sort_key
-from renderer.record import accuracy_text, parse_film_record
 from renderer.scene import (
     FILM_SUFFIXES,
     FRAME_FIELD,
@@ -65,13 +63,12 @@ class _Pair(NamedTuple):
 class _Pairs(NamedTuple):
     """All pairs of two sets of pictures, read one at a time, in the order of `names`.
 
-    Iterating over `pairs` raises InputError if a frame cannot be read. changes: facts that differ between both sides.
+    Iterating over `pairs` raises InputError if a frame cannot be read.
     """
 
     names: Sequence[str]
     pairs: Iterator[_Pair]
     notes: Sequence[str] = ()
-    changes: Sequence[Change] = ()
 
 
 def is_picture_set(place: str) -> bool:
@@ -96,17 +93,13 @@ def compare_files(golden: Path, actual: Path, limit: Limit, store: PictureStore,
                 replace(
                     frame,
                     frame=int(number[-1]) if number else None,
-                    old=None if old is None else store.add_pixels("old", file, old),
-                    new=None if new is None else store.add_pixels("new", file, new),
+                    old=None if old is None else store.add("old", file, old),
+                    new=None if new is None else store.add("new", file, new),
                 )
             )
             bar.advance()
-    name, changes, notes = f"{golden} and {actual}", tuple(pairs.changes), tuple(pairs.notes)
-    film = ComparedFilm(name, str(limit), changes=changes, notes=notes, frames=tuple(frames))
-    if film.verdict == "passes":
-        store.drop()
-        return film.without_pictures
-    return film
+    film = ComparedFilm(f"{golden} and {actual}", str(limit), notes=tuple(pairs.notes), frames=tuple(frames))
+    return store.settled(film)
 
 
 @contextlib.contextmanager
@@ -328,16 +321,4 @@ def _open_films(golden: Path, actual: Path) -> Iterator[_Pairs]:
         "only the pictures of films are compared, not their timing",
     )
     with decode_film(golden, MAX_PIXELS) as goldens, decode_film(actual, MAX_PIXELS) as actuals:
-        was, now = (_recorded_accuracy(film) or "not known" for film in (golden, actual))
-        changes = [] if was == now else [Change("accuracy", was, now)]
-        yield _Pairs(names, map(_Pair, names, goldens, actuals), notes, changes)
-
-
-def _recorded_accuracy(film: Path) -> str:
-    """Return the accuracy of a film by the sidecar beside it; an empty text where it is not recorded."""
-    sidecar = sidecar_path_of_file(film, (), 0)
-    try:
-        record = parse_film_record(sidecar.read_bytes(), sidecar)
-    except (OSError, InputError):
-        return ""
-    return accuracy_text(record.accuracy) if record and record.accuracy else ""
+        yield _Pairs(names, map(_Pair, names, goldens, actuals), notes)

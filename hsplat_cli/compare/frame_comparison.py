@@ -1,11 +1,11 @@
-"""Compare the pictures of one frame: with its golden, or with several of which it must be like one."""
+"""Compare the picture of a frame with a golden."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from hsplat_cli.compare.difference import PART_PX, Figures, has_flip, measure_difference, measure_flip
-from hsplat_cli.compare.limit import Limit
+from hsplat_cli.compare.limit import NOT_STATED, Limit, Stated
 from hsplat_cli.compare.outcome import ComparedFrame, Status
 from renderer.film import Pixels
 from renderer.scene import counted
@@ -19,12 +19,9 @@ def compare_frame(
     golden: Pixels | None,
     actual: Pixels | None,
     limit: Limit,
-    stated: tuple[float, float] | None = None,
+    stated: Stated = NOT_STATED,
 ) -> ComparedFrame:
-    """Compare a picture with its golden, uint8 [h, w, 3 or 4] with straight alpha; None for one that is missing.
-
-    stated: the PSNR that golden and picture state, in dB, if both state one.
-    """
+    """Compare a picture with its golden, uint8 [h, w, 3 or 4] with straight alpha; None for one that is missing."""
     if golden is None or actual is None:
         if actual is None:
             return ComparedFrame(name, "missing", "this frame was not drawn")
@@ -44,7 +41,7 @@ def compare_frame(
     return frame
 
 
-def _judged(name: str, figures: Figures, limit: Limit, stated: tuple[float, float] | None) -> ComparedFrame:
+def _judged(name: str, figures: Figures, limit: Limit, stated: Stated) -> ComparedFrame:
     """Return the outcome of a frame by the figures of its difference."""
     least = limit.least_psnr(stated)
     status: Status
@@ -54,7 +51,7 @@ def _judged(name: str, figures: Figures, limit: Limit, stated: tuple[float, floa
         status, why = "close", f"{_difference(figures)}; {limit.words}"
     else:
         status, why = "different", f"{_difference(figures)}; wanted: {limit.words}"
-        if limit.kind == "stated accuracy" and stated is None:
+        if limit.kind == "stated accuracy" and None in stated:
             why += ", but they do not state theirs"
         elif limit.kind == "stated accuracy":
             why += f" ({least:.1f} dB)"
@@ -71,8 +68,3 @@ def _difference(figures: Figures) -> str:
     x, y = figures.part
     part = f"{figures.part_psnr:.1f} dB in {PART_PX} x {PART_PX} pixels at {x}, {y}"
     return f"{figures.psnr:.1f} dB, {part}, largest error {counted(round(figures.largest), 'step')} of 255"
-
-
-def nearest(frames: list[ComparedFrame]) -> ComparedFrame:
-    """Return the outcome of a frame that was compared with several goldens: with the one that it is most like."""
-    return max(frames, key=lambda frame: (frame.passes, frame.part_psnr or -1.0))

@@ -19,6 +19,10 @@ from renderer.scene import schema
 
 Kind = Literal["same bytes", "stated accuracy", "decibels"]
 
+# The PSNR that a golden and a new picture state, in dB; None for one that states none.
+Stated = tuple[float | None, float | None]
+NOT_STATED: Stated = (None, None)
+
 _DECIBELS = re.compile(r"([0-9]{1,3}(?:\.[0-9]{1,3})?) *(?:dB)?", re.IGNORECASE)
 _EXPECTED = "`same bytes`, `stated accuracy`, or decibels, such as 45 dB"
 
@@ -46,22 +50,21 @@ class Limit:
             return "no more difference than the stated accuracies allow"
         return "the same stored values"
 
-    def least_psnr(self, stated: tuple[float, float] | None) -> float:
+    def least_psnr(self, stated: Stated = NOT_STATED) -> float:
         """Return the lowest PSNR that passes: of the whole picture by the stated accuracy, else of a part.
 
-        stated: the PSNR that the golden and the new picture state, in dB; None if one of them states none, so that only
-        equal pictures pass.
+        Where an accuracy is not stated, only equal pictures pass by it.
         """
-        if self.kind == "same bytes" or (self.kind == "stated accuracy" and stated is None):
-            return MOST_DB
         if self.decibels is not None:
             return self.decibels
-        assert stated is not None
-        error_of_golden, error_of_new = (squared_error(each) ** 0.5 for each in stated)
+        old, new = stated
+        if self.kind == "same bytes" or old is None or new is None:
+            return MOST_DB
+        error_of_golden, error_of_new = squared_error(old) ** 0.5, squared_error(new) ** 0.5
         return psnr((error_of_golden + min(error_of_golden, error_of_new)) ** 2)
 
-    def passes(self, figures: Figures, stated: tuple[float, float] | None) -> bool:
-        """Return whether a difference passes. stated: as in `least_psnr`."""
+    def passes(self, figures: Figures, stated: Stated = NOT_STATED) -> bool:
+        """Return whether a difference passes."""
         found = figures.psnr if self.kind == "stated accuracy" else figures.part_psnr
         return figures.is_same or (self.kind != "same bytes" and found >= self.least_psnr(stated))
 

@@ -6,11 +6,12 @@ A film is a scene whose frames were drawn and compared with its goldens, or a se
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal
 
 from hsplat_cli.compare.golden.record import Origin
+from renderer.accuracy import MOST_DB
 from renderer.record import RecordFile, field_types as types
 from renderer.scene import counted, schema
 
@@ -27,6 +28,9 @@ _WORDS: dict[Status, str] = {
     "same": "the same",
     "close": "close",
 }
+
+# The most changes of a scene that a text names.
+MOST_CHANGES = 8
 
 # The verdict on a film, the worst first. `not compared`: an error kept it from being compared.
 Verdict = Literal["not compared", "fails", "passes"]
@@ -71,7 +75,7 @@ class ComparedFrame:
     name: str
     status: Status
     why: str
-    frame: Annotated[int | None, types.FRAME] = None
+    frame: Annotated[int | None, types.COUNT] = None
     psnr: Annotated[float | None, types.DECIBELS] = None
     part_psnr: Annotated[float | None, types.DECIBELS] = None
     part: Annotated[tuple[int, int] | None, schema.sequence_field(types.COUNT, "[x, y]", count=2)] = None
@@ -94,9 +98,25 @@ class ComparedFrame:
         return self.status == "missing" and self.new is None
 
     @property
+    def nearness(self) -> str:
+        """Return in words which picture is nearer to the exact one; an empty text if it was not measured."""
+        if self.nearer is None:
+            return ""
+        old, new = self.nearer.old, self.nearer.new
+        figures = f"the golden has {_exactness(old)} of the exact picture, the new one {_exactness(new)}"
+        if not self.nearer.differs:
+            return f"not known whether nearer to the exact picture: {figures}, by too few rays to be sure"
+        return f"{'nearer to' if new > old else 'further from'} the exact picture: {figures}"
+
+    @property
     def rank(self) -> tuple[bool, float]:
         """Return a sort key, worst first: failing frames before passing ones, then by the PSNR of the worst part."""
         return self.passes, -1.0 if self.part_psnr is None else self.part_psnr
+
+
+def _exactness(psnr: float) -> str:
+    """Return the PSNR of a picture against the exact one as text; it is MOST_DB if no probe shows an error."""
+    return f"{psnr:.1f} dB" if psnr < MOST_DB else f"{MOST_DB:.0f} dB or more"
 
 
 @dataclass(frozen=True)
@@ -111,6 +131,13 @@ class Change:
     was: str = ""
     now: str = ""
     line: Annotated[int, types.COUNT] = 0
+
+    @property
+    def words(self) -> str:
+        """Return the change in words: `error.tolerance was 0.1, is 0.2`."""
+        if self.key == "volume.fingerprint":
+            return "the voxels of the volume changed"
+        return f"{self.key} was {self.was or 'not there'}, is {self.now or 'gone'}"
 
 
 @dataclass(frozen=True)
@@ -136,10 +163,9 @@ class ComparedFilm:
     name: the name of the film: the path of its scene in the project, without a suffix. limit: the limit, as text.
     scene, goldens: the scene's file and the folder of its goldens, relative to the project; empty for pictures.
     error: why it was not compared. mistakes: those of the scene, if they are the reason. changes: the keys in which
-    scene, volume, device and versions differ from those of the goldens. notes: notes for the user. outdated: goldens
-    that nothing matches any more. origin: what drew the new frames. frames_per_second: the rate of the scene's film, if
-    it is known. flicker: between neighbouring frames, if they were drawn. frames: the frames, in their
-    order.
+    scene, volume, device and versions differ from those of the goldens. notes: notes for the user. origin: what drew
+    the new frames. frames_per_second: the rate of the scene's film, if it is known. flicker: between neighbouring
+    frames, if they were drawn. frames: the frames, in their order.
     """
 
     name: str
@@ -150,7 +176,6 @@ class ComparedFilm:
     mistakes: tuple[Mistake, ...] = ()
     changes: tuple[Change, ...] = ()
     notes: tuple[str, ...] = ()
-    outdated: tuple[str, ...] = ()
     origin: Origin | None = None
     frames_per_second: Annotated[float | None, types.AMOUNT] = None
     flicker: Flickers | None = None
@@ -179,16 +204,6 @@ class ComparedFilm:
         if num_failing:
             return f"{num_failing} of {counted(num, 'frame')} {'fails' if num_failing == 1 else 'fail'}: {parts}"
         return f"{counted(num, 'frame')} {'passes' if num == 1 else 'pass'}: {parts}"
-
-    @property
-    def without_pictures(self) -> ComparedFilm:
-        """Return the outcome for a report that has no pictures of the film."""
-
-        def bare(picture: ReportPicture | None) -> ReportPicture | None:
-            return None if picture is None else replace(picture, file="")
-
-        frames = [replace(frame, old=bare(frame.old), new=bare(frame.new)) for frame in self.frames]
-        return replace(self, frames=tuple(frames))
 
 
 @dataclass(frozen=True)

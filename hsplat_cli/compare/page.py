@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import Any
 from urllib.parse import quote
 
-from hsplat_cli.compare.ci_files import nearness_text
 from hsplat_cli.compare.difference import PART_PX
 from hsplat_cli.compare.outcome import REPORT, VERDICTS, ComparedFilm, ComparedFrame, Comparison, ReportPicture
 from hsplat_cli.reports import Axis, Chart, Curve, Tick, render_page, round_numbers
@@ -48,6 +47,7 @@ def report_page(comparison: Comparison) -> str:
         "comparison.html",
         title=comparison.summary,
         films=films,
+        marks=_MARKS,
         counts=[(each, sum(film.outcome.verdict == each for film in films)) for each in VERDICTS],
         part_px=PART_PX,
         data={
@@ -67,23 +67,12 @@ class _PageFilm:
     outcome: ComparedFilm
 
     @property
-    def mark(self) -> str:
-        """Return a sign of the verdict."""
-        return _MARKS[self.outcome.verdict]
-
-    @property
     def changes(self) -> list[tuple[str, int, list[str], list[str]]]:
         """Return key, line, old and new value of each change; in the pieces of values, each second one is a colour."""
         return [
             (_KEYS.get(change.key, change.key), change.line, _COLOR.split(change.was), _COLOR.split(change.now))
             for change in self.outcome.changes
         ]
-
-    @property
-    def nearness(self) -> list[tuple[int, str, str]]:
-        """Return index, name and nearness to the exact picture of each frame of which it was measured."""
-        frames = enumerate(self.outcome.frames)
-        return [(index, frame.name, nearness_text(frame)) for index, frame in frames if frame.nearer is not None]
 
     @property
     def facts(self) -> Iterator[tuple[str, str]]:
@@ -100,10 +89,13 @@ class _PageFilm:
             yield "versions", ", ".join(f"{name} {version}" for name, version in origin.versions.items())
 
     @cached_property
-    def is_numbered(self) -> bool:
-        """Return whether the frames have ascending numbers."""
+    def places(self) -> Sequence[int]:
+        """Return the places of frames on the axis of the chart: their numbers, if all have one and they ascend, or
+        their indices.
+        """
         numbers = [frame.frame for frame in self.outcome.frames if frame.frame is not None]
-        return len(numbers) == len(self.outcome.frames) and numbers == sorted(set(numbers))
+        is_numbered = len(numbers) == len(self.outcome.frames) and numbers == sorted(set(numbers))
+        return numbers if is_numbered else range(len(self.outcome.frames))
 
     @cached_property
     def has_pictures(self) -> bool:
@@ -114,11 +106,6 @@ class _PageFilm:
     def chart(self) -> Chart | None:
         """Return the error over the frames; None unless two frames have a figure."""
         return _chart(self) if sum(frame.part_psnr is not None for frame in self.outcome.frames) > 1 else None
-
-    def place(self, index: int) -> int:
-        """Return the place of a frame on the axis of the chart: its number, if all have one, or its index."""
-        number = self.outcome.frames[index].frame
-        return number if self.is_numbered and number is not None else index
 
     @property
     def data(self) -> dict[str, Any]:
@@ -132,7 +119,8 @@ class _PageFilm:
             "rate": film.frames_per_second or _FRAMES_PER_SECOND,
             "hasPictures": self.has_pictures,
             "frames": [
-                _frame_data(frame, self.place(index), can_accept=can_accept) for index, frame in enumerate(film.frames)
+                _frame_data(frame, place, can_accept=can_accept)
+                for frame, place in zip(film.frames, self.places, strict=True)
             ],
         }
         if self.chart is not None:
@@ -160,7 +148,7 @@ def _frame_data(frame: ComparedFrame, place: int, *, can_accept: bool) -> dict[s
         "whole": None if frame.psnr is None else round(frame.psnr, 1),
         "largest": None if frame.largest is None else round(frame.largest),
         "flip": None if frame.flip is None else round(frame.flip, 4),
-        "nearer": nearness_text(frame),
+        "nearer": frame.nearness,
         "old": _address(frame.old),
         "new": new,
     }
@@ -189,8 +177,8 @@ def _chart(film: _PageFilm) -> Chart:
 
     def points(values: Sequence[float | None]) -> list[tuple[float, float] | None]:
         return [
-            None if value is None else (film.place(index), same if value >= MOST_DB else value)
-            for index, value in enumerate(values)
+            None if value is None else (place, same if value >= MOST_DB else value)
+            for place, value in zip(film.places, values, strict=True)
         ]
 
     part = f"worst part of {PART_PX} x {PART_PX} pixels"
@@ -209,15 +197,15 @@ def _chart(film: _PageFilm) -> Chart:
             Curve(limit, points([frame.least for frame in frames]), "series-2"),
             Curve(part, points([frame.part_psnr for frame in frames]), "series-1", "small circle"),
         ],
-        f"{_marks_text(film)}A click shows a frame; dragging, or a click with Shift, selects a run of frames.",
+        f"{_marks_text(film)}A click shows a frame; dragging selects a run of frames.",
         f"PSNR over the frames of {printable(film.outcome.name)}: {film.outcome.summary}",
-        marks=[(film.place(index), f"{_name(film, index)}: {text}") for index, text in _marks(film)],
+        marks=[(film.places[index], f"{_name(film, index)}: {text}") for index, text in _marks(film)],
         size=_CHART_PX,
     )
 
 
 def _frame_axis(film: _PageFilm) -> Axis:
-    first, last = film.place(0), film.place(len(film.outcome.frames) - 1)
+    first, last = film.places[0], film.places[-1]
     ticks = [Tick(at, f"{at:g}") for at in round_numbers(first, last, _MOST_TICKS, least_step=1.0)]
     return Axis("frame", first - 0.5, last + 0.5, ticks)
 

@@ -6,6 +6,7 @@ suites should not wait for numpy.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import urllib.parse
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-# The most characters of a part of a report's path.
+# The most characters of a part of a report's path, but for a digest.
 _MOST_CHARACTERS = 100
 _ACCEPTED = pytest.StashKey[list[str]]()
 
@@ -46,13 +47,18 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         raise pytest.UsageError("--golden-only is of no use without --golden-accept")
     if report is None or hasattr(config, "workerinput"):
         return
-    from hsplat_cli.compare import accept_goldens
+    from hsplat_cli.compare import find_project, open_reports, parse_decisions, plan_acceptance, update_goldens
+    from hsplat_cli.terminal import Reporter
     from renderer.errors import HsplatError
 
     try:
-        config.stash[_ACCEPTED] = accept_goldens(report, _places(config), only)
+        decisions = parse_decisions(only)
+        with open_reports(report) as reports:
+            updates = plan_acceptance(reports, find_project(_places(config)), decisions)
+            update_goldens(updates, Reporter(is_quiet=True), lambda: True, yes=True)
     except HsplatError as error:
         raise pytest.UsageError(str(error)) from None
+    config.stash[_ACCEPTED] = [line for update in updates for line in update.lines]
 
 
 def pytest_report_header(config: pytest.Config) -> list[str]:
@@ -64,13 +70,16 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Make a test that uses `golden_scene` a test of each scene of the project."""
     if "golden_scene" not in metafunc.fixturenames:
         return
-    from hsplat_cli.compare import tested_scenes
+    from hsplat_cli.compare import find_project, unused_error
     from renderer.errors import HsplatError
 
+    places = _places(metafunc.config)
     try:
-        scenes = tested_scenes(_places(metafunc.config))
+        project = find_project(places)
     except HsplatError as error:
         raise pytest.Collector.CollectError(str(error)) from None
+    scenes: dict[str, Path | str] = {scene.name: scene.file for scene in project.scenes}
+    scenes |= {str(folder.path): str(unused_error(folder, places)) for folder in project.unused}
     metafunc.parametrize("golden_scene", [*scenes.values()], ids=[*scenes], indirect=True)
 
 
@@ -99,8 +108,6 @@ def assert_frames_match(pytestconfig: pytest.Config) -> Callable[..., None]:
 
     The function raises AssertionError if frames differ, or if they cannot be compared.
     """
-    from hsplat_cli.compare import require_match
-
     reports = pytestconfig.getoption("golden_report")
 
     def assert_match(
@@ -110,9 +117,23 @@ def assert_frames_match(pytestconfig: pytest.Config) -> Callable[..., None]:
         report: str | Path | None = None,
     ) -> None:
         __tracebackhide__ = True  # pytest shows the line of the test
+        from hsplat_cli.compare import ComparisonRequest, compare, comparison_text, parse_rules
+        from hsplat_cli.terminal import Reporter
+        from renderer.errors import HsplatError
+        from renderer.system import join_lines
+
         if report is None and reports is not None:
             report = _report_folder(reports)
-        require_match(*places, limit=limit, goldens=goldens, report=report)
+        folder_of_goldens, folder_of_report = (None if each is None else Path(each) for each in (goldens, report))
+        try:
+            rules = parse_rules(None, None if limit is None else str(limit))
+            request = ComparisonRequest([*map(str, places)], rules, folder_of_goldens, folder_of_report)
+            comparison = compare(request, Reporter(is_quiet=True))
+        except HsplatError as error:
+            raise AssertionError(str(error)) from None
+        if comparison.verdict != "passes":
+            page = [] if report is None else [f"report: {Path(report, 'index.html')}"]
+            raise AssertionError(join_lines([*comparison_text(comparison).splitlines(), *page]))
 
     return assert_match
 
@@ -120,5 +141,13 @@ def assert_frames_match(pytestconfig: pytest.Config) -> Callable[..., None]:
 def _report_folder(reports: Path) -> Path:
     """Return the folder for the report of the test that runs, by its name; artifacts of CI forbid some characters."""
     test = os.environ["PYTEST_CURRENT_TEST"].rpartition(" ")[0]
-    parts = [urllib.parse.quote(part, safe="[]")[:_MOST_CHARACTERS] for part in test.replace("::", "/").split("/")]
+    parts = map(_folder_name, test.replace("::", "/").split("/"))
     return reports.joinpath(*(part for part in parts if part.strip(".")))
+
+
+def _folder_name(part: str) -> str:
+    """Return a part of the name of a test as that of a folder; a long one has a digest in place of its end."""
+    name = urllib.parse.quote(part, safe="[]")
+    if len(name) <= _MOST_CHARACTERS:
+        return name
+    return f"{name[:_MOST_CHARACTERS]}-{hashlib.blake2b(name.encode(), digest_size=8).hexdigest()}"

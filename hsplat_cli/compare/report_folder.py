@@ -15,14 +15,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hsplat_cli.compare.golden.record import picture_digest
-from hsplat_cli.compare.outcome import REPORT, Comparison, ReportPicture
+from hsplat_cli.compare.outcome import REPORT, ComparedFilm, Comparison, ReportPicture
 from renderer.errors import InputError
 from renderer.film import Pixels, encode_png, folder_files, translate_os_errors
 from renderer.scene import read_json_object
@@ -30,89 +30,91 @@ from renderer.scene import read_json_object
 REPORT_FILE = "report.json"
 PAGE_FILE = "index.html"
 _PICTURES = "films"
-# All names in a report: a folder with others is not replaced.
-_NAMES = {REPORT_FILE, PAGE_FILE, _PICTURES, "junit.xml", "code-quality.json", "summary.md"}
+# The names of the files of a report, beside its pictures.
+FILES = frozenset({REPORT_FILE, PAGE_FILE, "junit.xml", "code-quality.json", "summary.md"})
 
 
 @dataclass(frozen=True)
 class PictureStore:
-    """A place for the pictures of one film in a report. folder: its folder in the report; None to keep no pictures."""
+    """A place for the pictures of one film in a report.
 
-    root: Path
-    folder: Path | None
+    report: the folder of the report; None to keep no pictures. number: the index of the film.
+    """
 
-    def add(self, side: str, name: str, content: bytes, digest: str, psnr: float | None = None) -> ReportPicture:
-        """Keep a picture. side: `old` or `new`. content: of its PNG file."""
-        if self.folder is None:
+    report: Path | None
+    number: int
+
+    def add(
+        self, side: str, name: str, picture: Pixels, psnr: float | None = None, content: bytes | None = None
+    ) -> ReportPicture:
+        """Keep a picture. side: `old` or `new`. content: of its PNG file, if it has one."""
+        digest = picture_digest(picture)
+        if self.report is None:
             return ReportPicture(digest, "", psnr)
-        path = self.folder / side / name
+        file = f"{_PICTURES}/{self.number}/{side}/{name}"
+        path = self.report / file
         with translate_os_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        return ReportPicture(digest, path.relative_to(self.root).as_posix(), psnr)
+            path.write_bytes(encode_png(picture) if content is None else content)
+        return ReportPicture(digest, file, psnr)
 
-    def add_pixels(self, side: str, name: str, picture: Pixels) -> ReportPicture:
-        """Keep a picture that is known as an array."""
-        return self.add(side, name, encode_png(picture), picture_digest(picture))
-
-    def drop(self) -> None:
-        """Remove all pictures of the film."""
-        if self.folder is not None:
-            shutil.rmtree(self.folder, ignore_errors=True)
+    def settled(self, film: ComparedFilm) -> ComparedFilm:
+        """Return the film as the report has it: the pictures of one that does not fail are removed."""
+        if film.verdict == "fails":
+            return film
+        if self.report is not None:
+            folder = self.report / _PICTURES / str(self.number)
+            shutil.rmtree(folder, ignore_errors=True)
             with contextlib.suppress(OSError):  # other films have pictures, or this one had none
-                self.folder.parent.rmdir()
+                folder.parent.rmdir()
+        frames = [replace(frame, old=_without_file(frame.old), new=_without_file(frame.new)) for frame in film.frames]
+        return replace(film, frames=tuple(frames))
 
 
-class ReportFolder:
-    """A report that is being made. path: its folder in the end; None to make no report."""
+def _without_file(picture: ReportPicture | None) -> ReportPicture | None:
+    return picture and replace(picture, file="")
 
-    def __init__(self, path: Path | None, making: Path | None) -> None:
-        self.path, self._making = path, making
 
-    def pictures(self, number: int) -> PictureStore:
-        """Return the place for the pictures of a film. number: the index of the film."""
-        if self._making is None:
-            return PictureStore(Path(), None)
-        return PictureStore(self._making, self._making / _PICTURES / str(number))
+def write_report(report: Path | None, comparison: Comparison) -> None:
+    """Write all files of a report beside its pictures. report: the folder; None to make no report."""
+    if report is None:
+        return
+    # Imported here: no report needs no templates.
+    from hsplat_cli.compare.ci_files import code_quality, junit, summary_markdown
+    from hsplat_cli.compare.page import report_page
 
-    def write(self, comparison: Comparison) -> None:
-        """Write all files of the report beside the pictures."""
-        if self._making is None:
-            return
-        # Imported here: no report needs no templates.
-        from hsplat_cli.compare.ci_files import code_quality, junit, summary_markdown
-        from hsplat_cli.compare.page import report_page
-
-        contents = {
-            REPORT_FILE: REPORT.content(comparison),
-            PAGE_FILE: report_page(comparison).encode(),
-            "junit.xml": junit(comparison).encode(),
-            "code-quality.json": code_quality(comparison).encode(),
-            "summary.md": summary_markdown(comparison).encode(),
-        }
-        for name, content in contents.items():
-            with translate_os_errors(self._making / name):
-                (self._making / name).write_bytes(content)
+    contents = {
+        REPORT_FILE: REPORT.content(comparison),
+        PAGE_FILE: report_page(comparison).encode(),
+        "junit.xml": junit(comparison).encode(),
+        "code-quality.json": code_quality(comparison).encode(),
+        "summary.md": summary_markdown(comparison).encode(),
+    }
+    for name, content in contents.items():
+        with translate_os_errors(report / name):
+            (report / name).write_bytes(content)
 
 
 @contextlib.contextmanager
-def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[ReportFolder]:
-    """Open a report, which gets its name at the end of the block. An earlier report of this name is removed first.
+def open_report(path: Path | None, inputs: Iterable[Path]) -> Iterator[Path | None]:
+    """Open the folder of a report, which gets its name at the end of the block; None to make no report.
+
+    An earlier report of this name is removed first.
 
     inputs: files and folders that are read. If the block raises, there is no report. Raises InputError if something
     else has the name, or if an input is in the earlier report.
     """
     if path is None:
-        yield ReportFolder(None, None)
+        yield None
         return
     _require_replaceable(path, inputs)
     with translate_os_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(path, ignore_errors=True)
-        making = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+        making = path.parent / f".{path.name}-{secrets.token_hex(4)}"
+        making.mkdir()
     try:
-        making.chmod(0o777 & ~_umask())
-        yield ReportFolder(path, making)
+        yield making
         with translate_os_errors(path):
             making.rename(path)
     finally:
@@ -141,14 +143,7 @@ def _require_replaceable(path: Path, inputs: Iterable[Path]) -> None:
 
 def _is_report(path: Path) -> bool:
     """Return whether a folder is an earlier report, without any other files."""
-    if not {each.name for each in folder_files(path)} <= _NAMES:
+    if not {each.name for each in folder_files(path)} <= FILES | {_PICTURES}:
         return False
     data = read_json_object(path / REPORT_FILE, REPORT.max_bytes) or {}
     return str(data.get("format")).startswith("hsplat comparison")
-
-
-def _umask() -> int:
-    """Return the permissions that new files lack."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

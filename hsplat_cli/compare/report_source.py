@@ -13,23 +13,23 @@ import stat
 import struct
 import zipfile
 import zlib
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import islice, takewhile
 from pathlib import Path, PurePosixPath
 from typing import Protocol
 
 from hsplat_cli.compare.outcome import REPORT, Comparison
 from hsplat_cli.compare.picture_file import MAX_FILE_BYTES, file_content
-from hsplat_cli.compare.report_folder import REPORT_FILE
+from hsplat_cli.compare.report_folder import FILES, REPORT_FILE
 from renderer.errors import InputError
-from renderer.scene import may_be_json, require_file
+from renderer.scene import first_few, may_be_json, require_file
 
 # The names of pictures in a report.
 _PICTURE = re.compile(r"films/[0-9]{1,6}/(?:old|new)/[^/\\]{1,200}\.png")
 # The things that are reports, for messages.
 _EXPECTED = f"the folder of a report, or a ZIP archive of it, with {REPORT_FILE}"
-# The most reports of an artifact: one of each test of a large suite.
-_MAX_REPORTS = 10_000
 # The most entries of an archive: two pictures for each frame of a thousand films of a hundred frames. Python keeps
 # about 600 bytes of each.
 _MAX_ENTRIES = 200_000
@@ -53,6 +53,9 @@ class ReportSource(Protocol):
 
     path: Path
 
+    def names(self) -> list[str]:
+        """Return the names of all entries in an archive; none in a folder, where people may keep other files."""
+
     def read(self, name: str, max_bytes: int) -> bytes:
         """Return the content of a file. Raises InputError if it is missing, no plain file, or too large."""
 
@@ -60,6 +63,9 @@ class ReportSource(Protocol):
 class _Folder:
     def __init__(self, path: Path) -> None:
         self.path = path
+
+    def names(self) -> list[str]:
+        return []
 
     def read(self, name: str, max_bytes: int) -> bytes:
         place = self.path / name
@@ -70,10 +76,19 @@ class _Folder:
 
 
 class _Archive:
-    """A report in an archive. root: its folder there, with a slash at its end; empty at the top of the archive."""
+    """A report in an archive.
 
-    def __init__(self, path: Path, archive: zipfile.ZipFile, root: str) -> None:
-        self.path, self._archive, self._root = path / root, archive, root
+    all_names: the names of all entries, sorted. root: the report's folder there, with a slash at its end; empty at the
+    top of the archive.
+    """
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile, all_names: Sequence[str], root: str) -> None:
+        self.path, self._archive, self._all_names, self._root = path / root, archive, all_names, root
+
+    def names(self) -> list[str]:
+        first = bisect_left(self._all_names, self._root)
+        below = takewhile(lambda name: name.startswith(self._root), islice(self._all_names, first, None))
+        return [name.removeprefix(self._root) for name in below if not name.endswith("/")]
 
     def read(self, name: str, max_bytes: int) -> bytes:
         try:
@@ -82,21 +97,16 @@ class _Archive:
             raise InputError("a file is missing in this report", where=str(self.path), got=name) from None
         mode = entry.external_attr >> 16
         is_plain = entry.compress_type in _METHODS and stat.S_IFMT(mode) in (0, stat.S_IFREG)
-        if entry.is_dir() or entry.flag_bits & 1 or not is_plain:
+        if entry.flag_bits & 1 or not is_plain:
             raise InputError("not a plain file in this report", where=str(self.path), got=name)
-        too_large = InputError(
-            "too large a file in this report", where=str(self.path), got=name, expected=f"at most {max_bytes} bytes"
-        )
         if entry.file_size > max_bytes:
-            raise too_large
+            what, expected = "too large a file in this report", f"at most {max_bytes} bytes"
+            raise InputError(what, where=str(self.path), got=name, expected=expected)
         try:
             with self._archive.open(entry) as file:
-                content = file.read(max_bytes + 1)
+                return file.read(entry.file_size)  # not more, whatever the data expand to
         except _ERRORS as error:
             raise InputError("a damaged file in this report", where=str(self.path), got=name) from error
-        if len(content) > max_bytes:
-            raise too_large
-        return content
 
 
 @contextlib.contextmanager
@@ -119,7 +129,7 @@ def open_reports(path: Path) -> Iterator[Sequence[ReportSource]]:
     except _ERRORS as error:
         raise InputError("not a report", where=str(path), expected=_EXPECTED) from error
     with archive:
-        names = archive.namelist()
+        names = sorted(archive.namelist())
         if len(names) > _MAX_ENTRIES:
             got, expected = f"an archive of {len(names)} files", f"at most {_MAX_ENTRIES}"
             raise InputError("not a report", where=str(path), got=got, expected=expected)
@@ -127,7 +137,7 @@ def open_reports(path: Path) -> Iterator[Sequence[ReportSource]]:
             twice = next(name for name, count in Counter(names).items() if count > 1)
             raise InputError("not a report", where=str(path), got=f"an archive with two files {twice}")
         roots = sorted(name.removesuffix(REPORT_FILE) for name in names if PurePosixPath(name).name == REPORT_FILE)
-        yield _checked([_Archive(path, archive, root) for root in roots], path)
+        yield _checked([_Archive(path, archive, names, root) for root in roots], path)
 
 
 def _folders(path: Path) -> list[Path]:
@@ -137,18 +147,35 @@ def _folders(path: Path) -> list[Path]:
 
 def _checked(reports: Sequence[ReportSource], path: Path) -> Sequence[ReportSource]:
     if not reports:
-        raise InputError("not a report", where=str(path), got=f"no {REPORT_FILE} in it", expected=_EXPECTED)
-    if len(reports) > _MAX_REPORTS:
-        got = f"{len(reports)} files {REPORT_FILE}"
-        raise InputError("not a report", where=str(path), got=got, expected=f"at most {_MAX_REPORTS}")
+        raise InputError(
+            f"no report in this {'folder' if path.is_dir() else 'archive'}",
+            where=str(path),
+            expected=f"{REPORT_FILE}, which `hsplat compare --report FOLDER` writes into its folder",
+            hint="give that folder, or a ZIP archive of it, such as the artifact of a CI job",
+        )
     return reports
 
 
 def read_report(source: ReportSource) -> Comparison:
-    """Return the outcomes in a report. Raises InputError, and SceneError with all mistakes in report.json."""
+    """Return the outcomes in a report.
+
+    Raises InputError, also for an archive with other files than the report names, and SceneError with all mistakes in
+    report.json.
+    """
     path = source.path / REPORT_FILE
     content = source.read(REPORT_FILE, REPORT.max_bytes)
-    return REPORT.from_json(REPORT.load(content, path) if may_be_json(content) else {}, path)
+    comparison = REPORT.from_json(REPORT.load(content, path) if may_be_json(content) else {}, path)
+    frames = [frame for film in comparison.films for frame in film.frames]
+    known = FILES.union(picture.file for frame in frames for picture in (frame.old, frame.new) if picture is not None)
+    others = [name for name in source.names() if name not in known]
+    if others:
+        raise InputError(
+            "files that the report does not name: somebody edited this archive",
+            where=str(source.path),
+            got=first_few(others),
+            hint="take the archive as CI kept it, or unpack it and give the folder",
+        )
+    return comparison
 
 
 def read_report_picture(source: ReportSource, name: str) -> bytes:

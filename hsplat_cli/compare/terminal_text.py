@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from hsplat_cli.compare.ci_files import change_text, nearness_text
-from hsplat_cli.compare.outcome import ComparedFilm, Comparison
+from hsplat_cli.compare.outcome import MOST_CHANGES, ComparedFilm, Comparison
 from hsplat_cli.terminal import format_table
 from renderer.scene import counted
 from renderer.system import PrintableText, join_lines
 
-# The most failing frames of a film, and the most changes of a scene, that the terminal shows.
+# The most failing frames of a film that the terminal shows.
 _MOST_ROWS = 10
-_MOST_CHANGES = 8
 
 
 def comparison_text(comparison: Comparison) -> PrintableText:
@@ -35,11 +33,10 @@ def _film_lines(film: ComparedFilm, *, is_only: bool) -> Iterator[str]:
             yield f"... and {counted(len(film.failing) - len(rows), 'more frame')} that fail"
         for frame in film.failing:
             if frame.nearer is not None:
-                yield f"{frame.name}: {nearness_text(frame)}"
-        for change in film.changes[:_MOST_CHANGES]:
+                yield f"{frame.name}: {frame.nearness}"
+        for change in film.changes[:MOST_CHANGES]:
             place = f"{film.scene}:{change.line}: " if change.line else ""
-            yield f"{place}{change_text(change)}"
+            yield f"{place}{change.words}"
     if is_only:
         yield film.summary
     yield from (f"note: {note}" for note in film.notes)
-    yield from (f"note: nothing matches {file} any more" for file in film.outdated)

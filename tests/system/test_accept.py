@@ -145,13 +145,14 @@ def test_pictures_of_another_machine_join_the_goldens() -> None:
     assert films["engine"]["frames"][0]["golden"] == 2
 
 
-def test_a_missing_picture_is_accepted() -> None:
+@pytest.mark.parametrize("options", [(), ("--also",)])
+def test_a_missing_picture_is_accepted(options: tuple[str, ...]) -> None:
     """It is the one that golden.json describes, whose file was lost."""
     edit_scene(*reversed(CHANGE))
     before = files(ENGINE)
     (ENGINE / NAMES[2]).unlink()
     assert compare("scenes/engine.yaml", "--report", "report") == 1
-    assert accept(scenes="scenes/engine.yaml") == 0
+    assert accept(scenes="scenes/engine.yaml", options=options) == 0
     assert files(ENGINE) == before
 
 
@@ -245,7 +246,7 @@ def edited_picture(change: Callable[[Any], Any], *, describes: bool) -> None:
 def test_a_picture_that_the_report_does_not_describe(capsys: pytest.CaptureFixture[str]) -> None:
     edited_picture(lambda pixels: pixels ^ np.uint8(1), describes=False)
     error = refused(capsys)
-    assert "report: films/1/new/frame-0001.png: this picture is not the one that the report describes" in error
+    assert "report/films/1/new/frame-0001.png: this picture is not the one that the report describes" in error
 
 
 def test_a_picture_of_another_size(capsys: pytest.CaptureFixture[str]) -> None:
@@ -337,7 +338,18 @@ def test_a_film_that_passes_is_not_accepted(capsys: pytest.CaptureFixture[str]) 
     assert "got: box: 4 frames pass: 4 the same" in refused(capsys, "box")
     assert golden("scenes/engine.yaml", "--update", "--yes") == 0
     assert compare("scenes", "--report", "report") == 0
-    assert "nothing fails in this report" in refused(capsys)
+    assert "no film of a scene fails in this report" in refused(capsys)
+
+
+def test_reports_of_pictures_that_have_no_scene_are_passed_over(capsys: pytest.CaptureFixture[str]) -> None:
+    """Two tests may compare pictures of one name, beside those that compare scenes."""
+    pictures = ("report/films/1/old", "report/films/1/new")
+    for number in range(2):
+        assert compare(*pictures, "--report", f"pictures/{number}") == 1
+    assert "no film of a scene fails in this report" in refused(capsys, source="pictures")
+    shutil.copytree("report", "pictures/2")
+    assert accept(source="pictures") == 0
+    assert accepted() == {"box": [0, 1, 2, 3], "engine": [0, 1, 2, 3]}
 
 
 def test_a_report_of_films_that_could_not_be_compared(capsys: pytest.CaptureFixture[str]) -> None:

@@ -128,7 +128,7 @@ def test_the_fixture_compares_as_the_command_does(pictures: Path) -> None:
     assert "report: report/index.html" in errors
     assert "AssertionError: nowhere: no such file or folder" in errors
     assert "AssertionError: --limit roughly: not a limit" in errors
-    assert "testing.py" not in printed and "pytest_plugin.py" not in printed, "pytest shows the test"
+    assert "pytest_plugin.py" not in printed, "pytest shows the test"
     assert (pictures / "report/index.html").stat().st_size > 0
 
 
@@ -143,6 +143,18 @@ def test_each_scene_is_a_test_of_its_own(scenes: Path) -> None:
     assert "scenes/engine.yaml:6: transfer_function.points.2.color was " in printed
     page = Path("out/test_scenes.py/test_golden[scenes/engine]/index.html")
     assert f"report: {page}" in printed and page.is_file()
+
+
+def test_long_names_of_tests_have_reports_of_their_own(pictures: Path) -> None:
+    (pictures / "test_names.py").write_text(
+        "import pytest\n"
+        "@pytest.mark.parametrize('name', ['\u4e2d' * 30 + end for end in 'ab'])\n"
+        "def test(name, assert_frames_match):\n"
+        "    assert_frames_match('golden', 'other')\n",
+        "utf-8",
+    )
+    run_pytest(pictures, "test_names.py", "--golden-report", "out")
+    assert len(list((pictures / "out").rglob("report.json"))) == 2
 
 
 def test_a_golden_yaml_is_needed_and_may_be_named(scenes: Path) -> None:

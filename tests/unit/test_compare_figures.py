@@ -175,8 +175,8 @@ def figures(psnr: float, part_psnr: float) -> Figures:
 
 def test_decibels_are_those_of_the_worst_part() -> None:
     limit = Limit("decibels", 40)
-    assert limit.passes(figures(60, 40), None)
-    assert not limit.passes(figures(60, 39.99), None)
+    assert limit.passes(figures(60, 40))
+    assert not limit.passes(figures(60, 39.99))
     assert not SAME_BYTES.passes(figures(MOST_DB, MOST_DB), (1, 1))
 
 
@@ -186,7 +186,8 @@ def test_the_stated_accuracies_add_up_as_errors() -> None:
     assert STATED.least_psnr(stated) == pytest.approx(decibels(12))
     assert STATED.passes(figures(decibels(11.99), 0.1), stated)
     assert not STATED.passes(figures(decibels(12.01), MOST_DB), stated)
-    assert not STATED.passes(figures(MOST_DB - 1, MOST_DB - 1), None), "a picture states no accuracy"
+    for stated in ((None, 60.0), (60.0, None), (None, None)):
+        assert not STATED.passes(figures(MOST_DB - 1, MOST_DB - 1), stated), "a picture states no accuracy"
 
 
 def test_a_new_picture_counts_as_no_less_accurate_than_its_golden() -> None:

@@ -10,7 +10,6 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-import pytest
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 
 from hsplat_cli.compare import (
@@ -22,7 +21,6 @@ from hsplat_cli.compare import (
     Flickers,
     Nearness,
     ReportPicture,
-    changed_value,
     compare,
     report_page,
 )
@@ -164,28 +162,6 @@ def test_changes_show_colours_with_a_swatch_and_say_what_is_not_there() -> None:
     swatches = [value for value in page.values("style") if value.startswith("background: #")]
     assert swatches == ["background: #ffa500", "background: #008080"]
     assert "not there" in page.words and "gone" in page.words
-
-
-@pytest.mark.parametrize(
-    ("path", "was", "now", "expected"),
-    [
-        ("points.0.color", [1, 0.647, 0], [0, 0.5, 0.5], ("points.0.color", "#ffa500", "#008080")),
-        ("points.0.color", [1, 0.6471, 0], [1, 0.647, 0], ("points.0.color", "[1, 0.6471, 0]", "[1, 0.647, 0]")),
-        ("transfer_function.range", [0, 100], [10, 0.5], ("transfer_function.range", "0 to 100", "10 to 0.5")),
-        ("output.size", [96, 96], [96, 80], ("output.size", "96 x 96", "96 x 80")),
-        ("a", [[0, 1], [1, 0.5]], [[0, 1], [1, 0.6]], ("a.1", "[1, 0.5]", "[1, 0.6]")),
-        ("a", [*range(30)], [*range(29), 4], ("a.29", "29", "4")),
-        ("a", [*range(30)], None, ("a", "[0, 1, 2, ... 25 more ..., 28, 29]", "")),
-        ("a", None, {"b": 0.4, "color": [1, 0.5, 0]}, ("a", "", "{b: 0.4, color: #ff8000}")),
-    ],
-)
-def test_values_are_told_as_people_write_them(path: str, was: Any, now: Any, expected: tuple[str, str, str]) -> None:
-    assert changed_value(path, was, now) == expected
-
-
-def test_a_long_value_is_shown_without_its_middle() -> None:
-    _, was, _ = changed_value("text", "a" * 400 + "b" * 400, "c")
-    assert len(was) <= 160 and was.startswith("'aaaa") and was.endswith("bbbb'") and " ... " in was
 
 
 def test_equal_outcomes_give_equal_pages_and_other_ones_forget_decisions() -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from hsplat_cli.compare import Limit, SceneRules, find_project
 from renderer.errors import InputError, SceneError
+from renderer.scene import parse_yaml_file
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -120,6 +122,17 @@ def test_goldens_without_a_scene_are_found_where_all_scenes_are_named(
             Path(name, "goldens").rename(f"all/{name}")
         expected = [f"all/{name.replace('goldens/', '')}" for name in expected]
     assert [folder.path.as_posix() for folder in find_project(places).unused] == expected
+
+
+def test_a_project_file_is_read_once_for_all_scenes_that_a_shell_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three hundred scenes took half a minute."""
+    names = [f"scenes/{number}.yaml" for number in range(4)]
+    touch(*names)
+    project_file("scenes: [scenes/*.yaml]\n")
+    parse = Mock(wraps=parse_yaml_file)
+    monkeypatch.setattr("hsplat_cli.compare.golden.project.parse_yaml_file", parse)
+    assert len(goldens_of(*names)) == 4
+    assert parse.call_count == 1
 
 
 def test_goldens_of_a_sidecar_have_a_scene() -> None:

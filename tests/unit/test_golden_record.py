@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from golden_samples import ORIGIN, picture, record_of
+from golden_samples import picture, record_of
 
-from hsplat_cli.compare import GOLDEN_RECORD, Golden, GoldenPicture, GoldenRecord, golden_file_name, picture_digest
+from hsplat_cli.compare import GOLDEN_RECORD, Golden, GoldenPicture, golden_file_name, picture_digest
 from renderer.errors import InputError
 
 RECORD = record_of({0: picture(0), 3: picture(3)})
@@ -89,9 +89,3 @@ def test_the_next_picture_takes_the_first_free_number() -> None:
 def test_digests_tell_shapes_apart() -> None:
     pixels = picture(0)
     assert len({picture_digest(pixels.reshape(shape)) for shape in ((8, 8, 3), (4, 16, 3), (8, 6, 4))}) == 3
-
-
-def test_the_files_of_a_record_are_those_of_all_pictures() -> None:
-    assert RECORD.files == {"frame-0000.png", "frame-0003.png"}
-    digests = GoldenRecord((ORIGIN,), (Golden(0, (GoldenPicture("0" * 32, 0),)),), ":")
-    assert digests.files == set()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import struct
+import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +19,7 @@ from hsplat_cli.compare import (
     ComparedFilm,
     ComparedFrame,
     Comparison,
+    ReportPicture,
     open_reports,
     read_report,
     read_report_picture,
@@ -24,7 +27,8 @@ from hsplat_cli.compare import (
 from renderer.errors import InputError
 
 PICTURE = "films/0/new/frame-0000.png"
-COMPARISON = Comparison((ComparedFilm("a", "same bytes", frames=(ComparedFrame("a", "missing", "gone"),)),))
+FRAME = ComparedFrame("a", "new", "no golden", new=ReportPicture("0" * 32, PICTURE))
+COMPARISON = Comparison((ComparedFilm("a", "same bytes", frames=(FRAME,)),))
 CONTENT = REPORT.content(COMPARISON)
 
 
@@ -91,7 +95,7 @@ def test_folders_and_archives_of_them_are_read(tmp_path: Path) -> None:
 )
 def test_names_that_no_report_has(tmp_path: Path, name: str) -> None:
     (tmp_path / "secret.png").write_bytes(b"mine")
-    for path in (write_folder(tmp_path / "report"), archive(tmp_path / "report.zip", (name, b"x"))):
+    for path in (write_folder(tmp_path / "report"), archive(tmp_path / "report.zip")):
         assert "not a picture of a report" in refusal(path, name)
 
 
@@ -167,7 +171,12 @@ def test_a_bomb_is_read_no_further_than_its_header_says(tmp_path: Path) -> None:
     data = bytearray(path.read_bytes())
     struct.pack_into("<I", data, data.rindex(PICTURE.encode()) - 46 + 24, 1000)
     path.write_bytes(data)
-    assert "a damaged file" in refusal(path)
+    tracemalloc.start()
+    try:
+        assert "a damaged file" in refusal(path)
+        assert tracemalloc.get_traced_memory()[1] < 2**24
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_bomb_of_an_outcome(tmp_path: Path) -> None:
@@ -198,29 +207,50 @@ def test_too_many_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_an_artifact_may_have_several_reports(tmp_path: Path) -> None:
-    """A folder with a report of its own is that report alone."""
-    write_folder(tmp_path / "all/one")
-    archive(tmp_path / "all.zip", ("below/report.json", CONTENT), ("below/" + PICTURE, b"x"))
-    for place, count in (("all", 1), ("all/one", 1), ("all.zip", 2)):
+    """And other files beside them. A folder with a report of its own is that report alone."""
+    for name in ("one", "two/deep"):
+        write_folder(tmp_path / "all" / name)
+    (tmp_path / "all/log.txt").touch()
+    shutil.make_archive(str(tmp_path / "all"), "zip", tmp_path / "all")
+    for place in ("all", "all.zip"):
         with open_reports(tmp_path / place) as reports:
-            assert [read_report(each) for each in reports] == [COMPARISON] * count
-    write_folder(tmp_path / "all/two/deep")
-    with open_reports(tmp_path / "all") as reports:
-        assert [each.path for each in reports] == [tmp_path / "all/one", tmp_path / "all/two/deep"]
-    with open_reports(tmp_path / "all.zip") as (_, below):
-        assert read_report_picture(below, PICTURE) == b"x"
+            assert [each.path for each in reports] == [tmp_path / place / "one", tmp_path / place / "two/deep"]
+            assert all(read_report(each) == COMPARISON and read_report_picture(each, PICTURE) for each in reports)
+    write_folder(tmp_path / "all/one/below")
+    with open_reports(tmp_path / "all/one") as (only,):
+        assert only.path == tmp_path / "all/one"
 
 
-def test_archives_without_a_report(tmp_path: Path) -> None:
+@pytest.mark.parametrize("root", ["", "report/"])
+@pytest.mark.parametrize("name", ["a.txt", "films/0/new/frame-0001.png", "films/0/old/frame-0000.png", "x/report.json"])
+def test_an_archive_with_files_that_the_report_does_not_name_is_refused(root: str, name: str, tmp_path: Path) -> None:
+    path = tmp_path / "report.zip"
+    for others in ([], [name]):
+        with zipfile.ZipFile(path, "w") as file:
+            for each in ("report.json", "index.html", PICTURE, *others):
+                file.writestr(f"{root}{each}", CONTENT)
+            file.writestr("report.txt" if root else "films/", "")
+        with open_reports(path) as (source, *_):
+            if not others:
+                assert read_report(source) == COMPARISON
+                continue
+            with pytest.raises(InputError, match="somebody edited this archive") as caught:
+                read_report(source)
+            assert caught.value.got == name
+
+
+def test_places_without_a_report(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "none.zip", "w"):
         pass
-    assert "no report.json in it" in refusal(tmp_path / "none.zip")
+    assert "no report in this archive" in refusal(tmp_path / "none.zip")
+    text = refusal(tmp_path)
+    assert "no report in this folder" in text and "hint: give that folder, or a ZIP archive of it" in text
 
 
 END = b"PK\x05\x06"
 
 
-@pytest.mark.parametrize("content", [b"", b"PK", b"no archive", END + bytes(18), END + b"\xff" * 18])
+@pytest.mark.parametrize("content", [b"", b"PK", b"no archive", END + b"\xff" * 18])
 def test_files_that_are_no_archives(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "report.zip"
     path.write_bytes(content)
@@ -229,7 +259,6 @@ def test_files_that_are_no_archives(tmp_path: Path, content: bytes) -> None:
 
 def test_places_that_are_no_reports(tmp_path: Path) -> None:
     assert "no such report" in refusal(tmp_path / "nowhere")
-    assert "report.json" in refusal(tmp_path)
     os.mkfifo(tmp_path / "pipe")
     assert "not a file" in refusal(tmp_path / "pipe")
 

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from hsplat_cli.compare.ci_files import change_text
+from hsplat_cli.compare.golden.changes import input_changes
 from hsplat_cli.compare.golden.drawing import load_golden_job, origin_of_scene
-from hsplat_cli.compare.golden.golden_folder import Content
+from hsplat_cli.compare.golden.merging import GoldenMerger
 from hsplat_cli.compare.golden.project import GoldenProject, GoldenScene
-from hsplat_cli.compare.golden.record import (
-    GoldenPicture,
-    GoldenRecord,
-    Origin,
-    golden_file_name,
-    picture_digest,
-)
-from hsplat_cli.compare.golden.update import GoldenUpdate, compact, keeps_files, require_person, with_picture
-from hsplat_cli.compare.golden.value_text import changed_value
-from hsplat_cli.compare.outcome import Change, ComparedFilm, ComparedFrame, ReportPicture
+from hsplat_cli.compare.golden.record import Golden, GoldenRecord, Origin, picture_digest
+from hsplat_cli.compare.golden.update import GoldenUpdate, require_person
+from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame, ReportPicture
 from hsplat_cli.compare.picture_file import decode_picture
 from hsplat_cli.compare.report_source import ReportSource, read_report, read_report_picture
 from hsplat_cli.scenes import SceneRequest
@@ -36,40 +28,48 @@ _HINT_FOR_REMOVALS = "`hsplat golden --update --prune` draws the film's own fram
 _RUN = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?")
 
 
-@dataclass(frozen=True)
-class Decision:
-    """A decision to accept frames of a film. film: its name. frames: their numbers; None for all that fail."""
+def parse_decisions(texts: Iterable[str]) -> dict[str, frozenset[int] | None]:
+    """Return the frames of each film that values of `--only` spell: `engine`, or `scenes/engine:12-18,40`.
 
-    film: str
-    frames: frozenset[int] | None = None
+    A film alone has None, for all its frames that fail. Values for one film are joined.
+    """
+    found = dict[str, frozenset[int] | None]()
+    for text in texts:
+        film, colon, runs = text.rpartition(":")
+        if not (film or runs):
+            raise InputError("an empty name", where="--only", got=repr(text), expected="SCENE, or SCENE:12-18,40")
+        if not colon:
+            found[text] = None
+            continue
+        frames = frozenset(frame for run in runs.split(",") for frame in _run(run, text))
+        before = found.get(film, frozenset())
+        found[film] = None if before is None else before | frames
+    return found
 
 
-def parse_decision(text: str) -> Decision:
-    """Return the decision that a value of `--only` spells: `engine`, or `scenes/engine:12-18,40`."""
-    film, colon, runs = text.rpartition(":")
-    if not (film or runs):
-        raise InputError("an empty name", where="--only", got=repr(text), expected="SCENE, or SCENE:12-18,40")
-    if not colon:
-        return Decision(text)
-    frames = set[int]()
-    for run in runs.split(","):
-        found = _RUN.fullmatch(run.strip())
-        first = int(found[1]) if found else -1
-        last = int(found[2]) if found and found[2] else first
-        if not 0 <= first <= last < MAX_FRAMES:
-            raise InputError("not frames of a film", where="--only", got=text, expected="SCENE:12-18,40")
-        frames.update(range(first, last + 1))
-    return Decision(film, frozenset(frames))
+def _run(run: str, text: str) -> range:
+    """Return a run of frames, `7` or `12-18`. text: the whole value, for the message."""
+    found = _RUN.fullmatch(run.strip())
+    first = int(found[1]) if found else -1
+    last = int(found[2]) if found and found[2] else first
+    if not 0 <= first <= last < MAX_FRAMES:
+        raise InputError("not frames of a film", where="--only", got=text, expected="SCENE:12-18,40")
+    return range(first, last + 1)
 
 
 def plan_acceptance(
-    sources: Sequence[ReportSource], project: GoldenProject, only: Sequence[Decision], *, also: bool = False
+    sources: Sequence[ReportSource],
+    project: GoldenProject,
+    only: Mapping[str, frozenset[int] | None],
+    *,
+    also: bool = False,
 ) -> list[GoldenUpdate]:
     """Plan the changes that make pictures of reports the goldens of a project's scenes.
 
     The reports must stay open until the plan has been carried out.
 
-    only: the films, or frames of them, that are accepted; all that fail if it is empty. also: whether the pictures
+    only: the films that are accepted, by name, and their frames, as `parse_decisions` returns them; all that fail if
+    it is empty. also: whether the pictures
     become further goldens beside those that they were compared with.
     Raises InputError if a scene, its volume or its goldens are not those that were compared, if a report was edited,
     if there is nothing to accept, or if the job compares. Frames that were accepted before are left out.
@@ -79,10 +79,10 @@ def plan_acceptance(
     where = f"{sources[0].path} and {len(sources) - 1} more" if len(sources) > 1 else str(sources[0].path)
     failing = dict[str, tuple[ReportSource, ComparedFilm]]()
     for source, film in reported:
-        if film.verdict == "fails" and failing.setdefault(film.name, (source, film))[1] is not film:
+        if film.verdict == "fails" and film.scene and failing.setdefault(film.name, (source, film))[1] is not film:
             got = f"{film.name}, in {failing[film.name][0].path} and {source.path}"
             raise InputError("two films that fail have one name", where=where, got=got, hint="accept one report")
-    decisions = _by_film(only) if only else dict.fromkeys(failing)
+    decisions = only or dict.fromkeys(failing)
     if not decisions:
         raise _nothing_fails([film for _, film in reported], where)
     scenes = {scene.name: scene for scene in project.scenes}
@@ -112,22 +112,13 @@ def _nothing_fails(films: Sequence[ComparedFilm], where: str) -> InputError:
     """Return the error of a report without a film that fails: its films pass, or they could not be compared."""
     errors = [f"{film.name}: {film.summary}" for film in films if film.verdict == "not compared"]
     if not errors:
-        return InputError("nothing fails in this report", where=where)
+        return InputError("no film of a scene fails in this report", where=where)
     return InputError(
         f"nothing can be accepted: {counted(len(errors), 'film')} could not be compared",
         where=where,
         got=first_few(errors, between="; "),
         hint="mend that, and compare again; `hsplat golden` draws the first goldens of a scene",
     )
-
-
-def _by_film(decisions: Sequence[Decision]) -> dict[str, frozenset[int] | None]:
-    """Return the accepted frames of each film; None for all that fail. Decisions on one film are joined."""
-    found = dict[str, frozenset[int] | None]()
-    for decision in decisions:
-        before = found.get(decision.film, frozenset())
-        found[decision.film] = None if before is None or decision.frames is None else before | decision.frames
-    return found
 
 
 @dataclass(frozen=True)
@@ -143,11 +134,12 @@ class _ReportedFilm:
         folder = self.scene.folder
         folder.finish()
         before = folder.find()
-        failing = self._failing(numbers)
-        frames = [frame for frame in failing if before is None or not self._is_accepted(before, frame)]
-        if not frames:
+        goldens = before.by_frame if before else {}
+        failing = self._failing(numbers).items()
+        frames = {number: frame for number, frame in failing if not self._is_accepted(goldens.get(number), frame)}
+        if before is not None and not frames:
             return None  # accepted before, perhaps by a command that was killed afterwards
-        if before is None or not all(self._has_same_golden(before, frame) for frame in frames):
+        if before is None or not all(self._has_same_golden(goldens.get(each), frames[each]) for each in frames):
             raise InputError(
                 "these goldens have changed since they were compared",
                 where=str(folder.path),
@@ -157,38 +149,30 @@ class _ReportedFilm:
             raise InputError("this report does not say what drew the pictures", where=self._where)
         job = load_golden_job(SceneRequest(self.scene.file))
         _require_same_inputs(self.film.origin, job, self.scene.file)
-        origins = [*before.origins]
-        if self.film.origin not in origins:
-            origins.append(self.film.origin)
-        goldens, contents = {golden.frame: golden for golden in before.frames}, dict[str, Content]()
-        for frame in frames:
-            assert frame.frame is not None
+        self._require_frames(frames, frozenset(job.frames))
+        merger = GoldenMerger(self.scene, before, self.film.origin, job.scene.num_frames, also=also)
+        for number, frame in frames.items():
             if frame.new is None:
-                self._require_gone(frame.frame, job)
-                del goldens[frame.frame]
+                del merger.goldens[number]
                 continue
-            self._require_of_job(frame.frame, frame.new, job)
-            picture = GoldenPicture(frame.new.digest, origins.index(self.film.origin), None, frame.new.psnr)
-            golden = with_picture(frame.frame, before.of_frame(frame.frame), picture, also=also)
-            if keeps_files(self.scene.rules, before):
-                name = golden_file_name(frame.frame, job.scene.num_frames, golden.free_number)
-                golden = replace(golden, pictures=(*golden.pictures[:-1], replace(picture, file=name)))
-                contents[name] = partial(self._content, frame.new)
-            goldens[frame.frame] = golden
-        if not goldens:
+            content = partial(self._content, frame.new, job.scene.output.size)
+            content()  # found before anything is written
+            merger.merge(number, frame.new.digest, frame.new.psnr, content)
+        if not merger.goldens:
             raise InputError("no golden of this film would be left", where=self._where, hint=_HINT_FOR_REMOVALS)
-        folder.require_changeable([*contents, *before.files], job.input_files())
-        after = compact(
-            GoldenRecord(tuple(origins), tuple(goldens[number] for number in sorted(goldens)), before.selection)
+        folder.require_changeable([*merger.contents, *before.files], job.input_files())
+        after = merger.record(before.selection, before.flicker)
+        if after.frames != before.frames:
+            after = replace(after, flicker=self._flicker(after))
+        return GoldenUpdate(
+            folder, before, after, merger.contents, [_line(self.film.name, frames.values())], asks=False
         )
-        after = replace(after, flicker=self._flicker(before, after))
-        return GoldenUpdate(folder, before, after, contents, [_line(self.film.name, frames)], asks=False)
 
     @property
     def _where(self) -> str:
         return f"{self.source.path}: {self.film.name}"
 
-    def _failing(self, numbers: frozenset[int] | None) -> list[ComparedFrame]:
+    def _failing(self, numbers: frozenset[int] | None) -> dict[int, ComparedFrame]:
         """Return the frames that are accepted. Raises InputError if the report has no pictures of them."""
         numbered = [(frame.frame, frame) for frame in self.film.failing if frame.frame is not None]
         failing = dict(numbered)
@@ -203,66 +187,59 @@ class _ReportedFilm:
                 got=first_few(unknown),
                 expected=first_few(sorted(failing)),
             )
-        frames = [failing[number] for number in wanted]
-        missing = [frame.name for frame in frames if not frame.is_gone and (frame.new is None or not frame.new.file)]
+        frames = {number: failing[number] for number in wanted}
+        missing = [each.name for each in frames.values() if not (each.is_gone or (each.new and each.new.file))]
         if missing:
             raise InputError("no new picture in this report", where=self._where, got=first_few(missing))
         return frames
 
-    def _is_accepted(self, record: GoldenRecord, frame: ComparedFrame) -> bool:
+    def _is_accepted(self, golden: Golden | None, frame: ComparedFrame) -> bool:
         """Return whether the new picture of a frame is golden already, or the golden of a lost frame removed."""
-        golden = None if frame.frame is None else record.of_frame(frame.frame)
-        if frame.is_gone:
-            return golden is None
         if golden is None or frame.new is None:
-            return False
+            return golden is None and frame.is_gone
         return any(each.digest == frame.new.digest and self.scene.folder.holds(each) for each in golden.pictures)
 
-    def _has_same_golden(self, record: GoldenRecord, frame: ComparedFrame) -> bool:
+    def _has_same_golden(self, golden: Golden | None, frame: ComparedFrame) -> bool:
         """Return whether the golden that a frame was compared with is still one of its goldens."""
-        golden = None if frame.frame is None else record.of_frame(frame.frame)
         if golden is None or frame.old is None:
             return golden is None and frame.old is None
         return any(self.scene.folder.shown_digest(each) == frame.old.digest for each in golden.pictures)
 
-    def _flicker(self, before: GoldenRecord, after: GoldenRecord) -> float | None:
-        """Return the flicker of the new goldens; None unless they are the pictures of the film that was drawn."""
-        if after.frames == before.frames:
-            return before.flicker
+    def _flicker(self, after: GoldenRecord) -> float | None:
+        """Return the flicker of new goldens; None unless they are the pictures of the film that was drawn."""
         drawn = {frame.frame: frame.new.digest for frame in self.film.frames if frame.new is not None}
         is_whole = {golden.frame: golden.pictures[0].digest for golden in after.frames} == drawn
         return self.film.flicker.new if is_whole and self.film.flicker else None
 
-    def _require_gone(self, number: int, job: FilmJob) -> None:
-        """Raise InputError if a scene has a frame that the report says it has not."""
-        if number in frozenset(job.frames):
-            raise InputError(
-                "the scene has this frame", where=self._where, got=f"frame {number}, without a new picture"
-            )
+    def _require_frames(self, frames: Mapping[int, ComparedFrame], there: frozenset[int]) -> None:
+        """Raise InputError unless the report has new pictures of frames of the scene alone. there: these frames."""
+        for number, frame in frames.items():
+            if (number in there) == frame.is_gone:
+                what = "the scene has this frame" if frame.is_gone else "the scene has no such frame"
+                with_picture = "without a new picture" if frame.is_gone else "with a new picture"
+                raise InputError(what, where=self._where, got=f"frame {number}, {with_picture}")
 
-    def _require_of_job(self, number: int, new: ReportPicture, job: FilmJob) -> None:
-        """Raise InputError unless a new picture is one that the report describes, and that the scene can have."""
-        if number not in frozenset(job.frames):
-            raise InputError("the scene has no such frame", where=self._where, got=f"frame {number}")
-        height, width, _ = decode_picture(self._content(new), self.source.path / new.file).shape
-        if (width, height) != job.scene.output.size:
+    def _content(self, new: ReportPicture, size: tuple[int, int]) -> bytes:
+        """Return the content of the file of a new picture.
+
+        Raises InputError if it is not what the report describes, or has not the size of the scene.
+        """
+        content, path = read_report_picture(self.source, new.file), self.source.path / new.file
+        picture = decode_picture(content, path)
+        if picture_digest(picture) != new.digest:
+            raise InputError("this picture is not the one that the report describes", where=str(path))
+        height, width, _ = picture.shape
+        if (width, height) != size:
             raise InputError(
                 "a picture of another size than the scene's",
-                where=f"{self.source.path}: {new.file}",
+                where=str(path),
                 got=f"{width} x {height} pixels",
-                expected="{} x {} pixels".format(*job.scene.output.size),
+                expected="{} x {} pixels".format(*size),
             )
-
-    def _content(self, new: ReportPicture) -> bytes:
-        """Return the content of the file of a new picture. Raises InputError if it is not what the report describes."""
-        content = read_report_picture(self.source, new.file)
-        if picture_digest(decode_picture(content, self.source.path / new.file)) != new.digest:
-            where = f"{self.source.path}: {new.file}"
-            raise InputError("this picture is not the one that the report describes", where=where)
         return content
 
 
-def _line(name: str, frames: Sequence[ComparedFrame]) -> str:
+def _line(name: str, frames: Collection[ComparedFrame]) -> str:
     """Return a line on accepted frames: `engine: 3 frames accepted, 1 golden removed`."""
     num_gone = sum(frame.is_gone for frame in frames)
     parts = [f"{counted(len(frames) - num_gone, 'frame')} accepted"] if num_gone < len(frames) else []
@@ -270,17 +247,13 @@ def _line(name: str, frames: Sequence[ComparedFrame]) -> str:
     return f"{name}: {', '.join(parts)}"
 
 
-def _in_words(path: str, was: Any, now: Any) -> str:
-    return change_text(Change(*changed_value(path.removeprefix("scene."), was, now)))
-
-
 def _require_same_inputs(drawn: Origin, job: FilmJob, file: Path) -> None:
     """Raise InputError unless a scene and its voxels are those that pictures were drawn from."""
-    changes = drawn.changes(origin_of_scene(job))
+    changes = [change.words for change in input_changes(drawn, origin_of_scene(job), {})]
     if changes:
         raise InputError(
             "the scene, or its volume, changed since the pictures were drawn",
             where=str(file),
-            got=first_few([_in_words(*change) for change in changes], between="; "),
+            got=first_few(changes, between="; "),
             hint="compare again, and accept from the new report",
         )

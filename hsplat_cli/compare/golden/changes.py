@@ -25,11 +25,16 @@ def changes_since(record: GoldenRecord, goldens: Sequence[Golden], now: Origin, 
     yield from found
 
 
-def _changes(before: Origin, now: Origin, lines: Mapping[str, int]) -> Iterator[Change]:
-    """Yield the changes from an origin to another one. lines: of the keys in the file of the scene."""
+def input_changes(before: Origin, now: Origin, lines: Mapping[str, int]) -> Iterator[Change]:
+    """Yield the changes of scene and volume from an origin to another one. lines: of the keys in the scene's file."""
     for path, was, value in before.changes(now):
         key, old, new = changed_value(path.removeprefix("scene."), was, value)
         yield Change(key, old, new, _line_of(key, lines))
+
+
+def _changes(before: Origin, now: Origin, lines: Mapping[str, int]) -> Iterator[Change]:
+    """Yield the changes from an origin to another one. lines: as in `input_changes`."""
+    yield from input_changes(before, now, lines)
     if before.device != now.device:
         yield Change("device", before.device, now.device)
     for name in sorted(before.versions.keys() & now.versions):

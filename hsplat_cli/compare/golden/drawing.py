@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hsplat_cli.compare.golden.record import Origin, make_origin
-from hsplat_cli.compare.limit import SAME_BYTES, Limit
 from hsplat_cli.compare.outcome import Nearness
 from hsplat_cli.compare.picture_file import MAX_PIXELS
 from hsplat_cli.scenes import SceneRequest, load_job
@@ -21,8 +20,6 @@ from renderer.record import FilmRecord
 from renderer.scene import MetricTarget, TimeBudget, scene_to_dict, schedule_to_dict
 
 _TEMPLATE = Path("frame-{frame}.png")
-# The limit of scenes that OpenGL draws, whose drivers round in different ways.
-_OPENGL_LIMIT = Limit("decibels", 40.0)
 
 
 @dataclass(frozen=True)
@@ -69,11 +66,6 @@ def load_golden_job(request: SceneRequest) -> FilmJob:
         got, expected = f"{width} x {height}", f"at most {MAX_PIXELS} pixels, as 8192 x 4096"
         raise InputError("too large to be compared", where=f"{request.path}: output.size", got=got, expected=expected)
     return job
-
-
-def default_limit(job: FilmJob) -> Limit:
-    """Return the limit of a scene that names none: bricks have the same bytes on every processor."""
-    return _OPENGL_LIMIT if job.scene.at(0).needs_opengl else SAME_BYTES
 
 
 @contextlib.contextmanager

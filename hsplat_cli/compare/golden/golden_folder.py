@@ -43,18 +43,19 @@ class GoldenFolder:
 
     def find(self) -> GoldenRecord | None:
         """Return the content of golden.json; None without it. Raises InputError, and SceneError for mistakes in it."""
-        place = self._place(GOLDEN_RECORD_FILE)
-        with _restorable(place, "remove the folder and draw the goldens anew"):
+        place = self.file(GOLDEN_RECORD_FILE)
+        with _restorable(place, "remove the folder and draw the goldens again"):
             return GOLDEN_RECORD.read(place) if os.path.lexists(place) else None
 
     def file(self, name: str) -> Path:
-        """Return the path of a golden's file, which may be missing."""
-        return self._place(name)
+        """Return the path of a file, which may be missing: that of a change that counts, if there is one."""
+        ready = self._ready / name
+        return ready if os.path.lexists(ready) else self.path / name
 
     def picture(self, name: str) -> Pixels:
         """Return the picture in the file of a golden. Raises InputError if it is damaged."""
         place = self.file(name)
-        with _restorable(place, "draw it anew by `hsplat golden --update`"):
+        with _restorable(place, "draw it again by `hsplat golden --update`"):
             return read_picture(place)
 
     def holds(self, picture: GoldenPicture) -> bool:
@@ -184,10 +185,6 @@ class GoldenFolder:
         if ready.is_symlink():
             raise InputError("a link in a folder of goldens", where=str(ready), hint="remove it")
         return ready
-
-    def _place(self, name: str) -> Path:
-        ready = self._ready / name
-        return ready if os.path.lexists(ready) else self.path / name
 
 
 @contextlib.contextmanager

@@ -22,6 +22,7 @@ import shlex
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -75,8 +76,7 @@ class SceneRules:
 
     def over(self, other: SceneRules) -> SceneRules:
         """Return these rules, with those of `other` where one is not given."""
-        given = {name: value for name, value in vars(self).items() if value is not None}
-        return replace(other, **given)
+        return SceneRules(self.frames or other.frames, self.limit or other.limit, self.pictures or other.pictures)
 
 
 @dataclass(frozen=True)
@@ -93,12 +93,10 @@ class GoldenScene:
 class GoldenProject:
     """A project of goldens.
 
-    root: the folder to which the names of scenes are relative. scenes: at least one, in the order of names. unused:
-    the folders of goldens that belong to no scene. They are looked for where all scenes of a golden.yaml, or of a
-    folder, are named.
+    scenes: at least one, in the order of names. unused: the folders of goldens that belong to no scene. They are looked
+    for where all scenes of a golden.yaml, or of a folder, are named.
     """
 
-    root: Path
     scenes: Sequence[GoldenScene]
     unused: Sequence[GoldenFolder] = ()
 
@@ -108,32 +106,28 @@ class _Place:
     """The scenes that a golden.yaml, a folder or a file names.
 
     root: the folder to which the names of scenes are relative. goldens: the folder of their goldens, and of those of
-    others. listed: all scenes of a golden.yaml that have goldens there; None for all in the folder `root`.
+    others. whole: the files of all scenes that have goldens there, also of those that are not named.
     """
 
     root: Path
     scenes: Sequence[GoldenScene]
     goldens: Path
-    listed: Sequence[GoldenScene] | None = None
+    whole: Sequence[Path]
 
-    def whole(self) -> list[Path]:
-        """Return the files of all scenes that have goldens in the folder of goldens."""
-        if self.listed is not None:
-            return [scene.file for scene in self.listed]
-        return [file for file in folder_files(self.root) if _is_scene_name(file.name)]
+    @cached_property
+    def by_file(self) -> dict[Path, GoldenScene]:
+        """Return the scenes by their files, whose links are followed."""
+        return {scene.file.resolve(): scene for scene in self.scenes}
 
 
 @dataclass(frozen=True)
-class _ProjectFile:
-    """The content of golden.yaml."""
+class _ProjectFile(SceneRules):
+    """The content of golden.yaml: the rules for all scenes, and those for each."""
 
     scenes: Annotated[
         tuple[str, ...] | None, schema.sequence_field(schema.TEXT_FIELD, "a list of scenes and patterns")
     ] = None
     goldens: str = _GOLDENS
-    frames: Annotated[str | None, SLICE_FIELD] = None
-    limit: Annotated[Limit | None, LIMIT_FIELD] = None
-    pictures: Annotated[Pictures | None, _PICTURES_FIELD] = None
     each: Annotated[
         Mapping[str, SceneRules],
         schema.mapping_field(
@@ -160,15 +154,17 @@ def find_project(places: Sequence[str], goldens: Path | None = None, rules: Scen
     which come before those of files.
     Raises InputError where there is no scene, and SceneError for mistakes in golden.yaml.
     """
-    rules, found = rules or SceneRules(), dict[Path, GoldenScene]()
+    finder, found = _Finder(goldens, rules or SceneRules()), dict[Path, GoldenScene]()
     named = [path for place in places or [_own_project()] for path in _expanded(place)]
-    read = [_project_at(path, goldens, rules) for path in named]
+    read = [finder.find(path) for path in named]
     for place in read:
         for scene in place.scenes:
             found.setdefault(scene.file.resolve(), scene)
     is_one_file = len(named) == 1 and named[0].is_file() and named[0].name != PROJECT_FILE
     unused = [] if is_one_file else [*_unused(read, found)]
-    return _checked(_joined([Path(os.path.abspath(place.root)) for place in read], [*found.values()], unused))
+    scenes = _named([Path(os.path.abspath(place.root)) for place in read], [*found.values()])
+    _require_distinct(scenes)
+    return GoldenProject(scenes, unused)
 
 
 def _own_project() -> str:
@@ -182,21 +178,21 @@ def _own_project() -> str:
     return PROJECT_FILE
 
 
-def _joined(roots: Sequence[Path], scenes: Sequence[GoldenScene], unused: Sequence[GoldenFolder]) -> GoldenProject:
-    """Return one project of the scenes of several; their names are relative to the folder that all have in common."""
-    root = Path(os.path.commonpath(roots))
+def _named(roots: Sequence[Path], scenes: Sequence[GoldenScene]) -> list[GoldenScene]:
+    """Return scenes in the order of their names, which are relative to the folder that all roots have in common."""
     if len(set(roots)) > 1:
+        root = Path(os.path.commonpath(roots))
         scenes = [replace(scene, name=_name(scene.file, root)) for scene in scenes]
-    return GoldenProject(root, sorted(scenes, key=lambda scene: scene.name), unused)
+    return sorted(scenes, key=lambda scene: scene.name)
 
 
-def _checked(project: GoldenProject) -> GoldenProject:
-    """Raise InputError if two scenes of a project would share their goldens.
+def _require_distinct(scenes: Sequence[GoldenScene]) -> None:
+    """Raise InputError if two scenes would share their goldens.
 
     Some file systems ignore the case of names, or how their accents are coded.
     """
     owners = dict[str, GoldenScene]()
-    for scene in project.scenes:
+    for scene in scenes:
         place = unicodedata.normalize("NFC", str(scene.folder.path.resolve())).casefold()
         other = owners.setdefault(place, scene)
         if other is not scene:
@@ -207,7 +203,6 @@ def _checked(project: GoldenProject) -> GoldenProject:
                 got=f"{scene.folder.path}, as of {other.file}",
                 hint="rename one of them" if is_beside else f"list both in a {PROJECT_FILE} above them",
             )
-    return project
 
 
 def _expanded(place: str) -> list[Path]:
@@ -222,26 +217,97 @@ def _expanded(place: str) -> list[Path]:
     return found
 
 
+def _scenes_in(folder: Path) -> list[Path]:
+    """Return the files of the scenes in a folder."""
+    return sorted(file for file in folder_files(folder) if _is_scene_name(file.name))
+
+
 def _is_scene_name(name: str) -> bool:
     """Return whether a file in a folder is a scene by its name; golden.yaml, golden.yml and hidden files are not."""
     path = Path(name)
     return path.suffix.lower() in _SCENE_SUFFIXES and not path.name.startswith((".", "golden."))
 
 
-def _project_at(path: Path, goldens: Path | None, rules: SceneRules) -> _Place:
-    """Return the scenes at a path: of a golden.yaml, of a folder, or of one scene."""
-    if path.is_dir() and os.path.lexists(path / PROJECT_FILE):
-        path /= PROJECT_FILE
-    if path.name == PROJECT_FILE:
-        return _read_project(path, goldens, rules)
-    if path.is_dir():
-        files = sorted(file for file in folder_files(path) if _is_scene_name(file.name))
+class _Finder:
+    """Finds scenes by the options of a command line, which are as in `find_project`."""
+
+    def __init__(self, goldens: Path | None, rules: SceneRules) -> None:
+        self._goldens, self._rules = goldens, rules
+        # A shell names each scene of a folder: what they have in common is read once.
+        self._around = cache(self._read_around)
+        self._scenes_in = cache(_scenes_in)
+
+    def find(self, path: Path) -> _Place:
+        """Return the scenes at a path: of a golden.yaml, of a folder, or of one scene."""
+        if path.is_dir() and os.path.lexists(path / PROJECT_FILE):
+            path /= PROJECT_FILE
+        if path.name == PROJECT_FILE:
+            return self._read(path)
+        if not path.is_dir():
+            _require_scene_name(path)
+            return self._scenes_of([path], path.parent)
+        files = self._scenes_in(path)
         if not files:
             expected, hint = f"*.yaml, or a {PROJECT_FILE}", f"`--goldens {path}` makes it the folder of all goldens"
             raise InputError("no scenes in this folder", where=str(path), expected=expected, hint=hint)
-        return _scenes_of(files, path, goldens, rules)
-    _require_scene_name(path)
-    return _scenes_of([path], path.parent, goldens, rules)
+        return self._scenes_of(files, path)
+
+    def _scenes_of(self, files: Sequence[Path], folder: Path) -> _Place:
+        """Return some scenes in a folder: those that the golden.yaml above them lists are its scenes."""
+        around = self._around(folder)
+        if around is None or not any(file.resolve() in around.by_file for file in files):
+            place = folder / _GOLDENS if self._goldens is None else self._goldens
+            scenes = [_scene(file, folder, place, self._rules) for file in files]
+            return _Place(folder, scenes, place, self._scenes_in(folder))
+        others = [file for file in files if file.resolve() not in around.by_file]
+        if others:
+            raise InputError(
+                f"not in the {PROJECT_FILE} that lists the other scenes",
+                where=str(others[0]),
+                expected=f"scenes that {around.root / PROJECT_FILE} lists",
+            )
+        scenes = [replace(around.by_file[file.resolve()], file=file) for file in files]
+        place = scenes[0].folder.path.parent
+        whole = [each.file for each in around.scenes if place in each.folder.path.parents]
+        return _Place(around.root, scenes, place, whole)
+
+    def _read_around(self, folder: Path) -> _Place | None:
+        """Return the scenes of the nearest golden.yaml in a folder or above it; None without one."""
+        here = Path(os.path.abspath(folder))
+        for each in (here, *here.parents):
+            if (each / PROJECT_FILE).is_file():
+                return self._read(Path(os.path.relpath(each)) / PROJECT_FILE)
+        return None
+
+    def _read(self, path: Path) -> _Place:
+        """Read a golden.yaml. Raises InputError, and SceneError with all mistakes in it."""
+        tree = parse_yaml_file(file_content(path, MAX_SCENE_BYTES, f"a {PROJECT_FILE}"), path)
+        problems: list[Problem] = []
+        node = schema.TreeNode({} if tree.data is None else tree.data, "", problems)
+        read: Any = schema.dataclass_field(_ProjectFile, _check_limit).read(node)
+        editor = TreeEditor(tree, path)
+        raise_problems(editor.located_problems(problems))
+        root = path.parent
+        files = sorted(set(_listed_scenes(root, read.scenes, problems)))
+        own_rules = {(root / name).resolve(): name for name in read.each}
+        problems += _unknown_scenes(own_rules, files, root)
+        if not _is_below(read.goldens):
+            problems.append(Problem("goldens", "outside the project", read.goldens, _BELOW))
+        raise_problems(editor.located_problems(problems))
+        if not files:
+            raise InputError("a project without scenes", where=str(path), expected="scenes: [scenes/*.yaml]")
+        folder = root / read.goldens if self._goldens is None else self._goldens
+        scenes = []
+        for file in files:
+            name = own_rules.get(file.resolve())
+            own = read.each[name] if name is not None else SceneRules()
+            scenes.append(_scene(file, root, folder, self._rules.over(own.over(read))))
+        return _Place(root, scenes, folder, files)
+
+
+def _scene(file: Path, root: Path, goldens: Path, rules: SceneRules) -> GoldenScene:
+    name = _name(file, root)
+    return GoldenScene(name, file, GoldenFolder(goldens / name.replace("../", "")), rules)
 
 
 def _require_scene_name(path: Path) -> None:
@@ -255,69 +321,9 @@ def _require_scene_name(path: Path) -> None:
     raise InputError("not a scene", where=str(path), got=got, expected=f"a .yaml file, a folder, or {PROJECT_FILE}")
 
 
-def _scenes_of(files: Sequence[Path], folder: Path, goldens: Path | None, rules: SceneRules) -> _Place:
-    """Return some scenes in a folder: those that the golden.yaml above them lists are its scenes."""
-    around = _project_around(folder, goldens, rules)
-    listed = {scene.file.resolve(): scene for scene in around.scenes} if around else {}
-    if around is None or not any(file.resolve() in listed for file in files):
-        place = folder / _GOLDENS if goldens is None else goldens
-        return _Place(folder, [_scene(file, folder, place, rules) for file in files], place)
-    others = [file for file in files if file.resolve() not in listed]
-    if others:
-        raise InputError(
-            f"not in the {PROJECT_FILE} that lists the other scenes",
-            where=str(others[0]),
-            expected=f"scenes that {around.root / PROJECT_FILE} lists",
-        )
-    scenes = [replace(listed[file.resolve()], file=file) for file in files]
-    place = scenes[0].folder.path.parent
-    return _Place(around.root, scenes, place, [each for each in around.scenes if place in each.folder.path.parents])
-
-
-def _project_around(folder: Path, goldens: Path | None, rules: SceneRules) -> _Place | None:
-    """Return the scenes of the nearest golden.yaml in a folder or above it; None without one."""
-    here = Path(os.path.abspath(folder))
-    for each in (here, *here.parents):
-        if (each / PROJECT_FILE).is_file():
-            return _read_project(Path(os.path.relpath(each)) / PROJECT_FILE, goldens, rules)
-    return None
-
-
-def _scene(file: Path, root: Path, goldens: Path, rules: SceneRules) -> GoldenScene:
-    name = _name(file, root)
-    return GoldenScene(name, file, GoldenFolder(goldens / name.replace("../", "")), rules)
-
-
 def _name(file: Path, root: Path) -> str:
     """Return the name of a scene: its path from a folder, without a suffix."""
     return Path(os.path.relpath(file, root)).with_suffix("").as_posix()
-
-
-def _read_project(path: Path, goldens: Path | None, rules: SceneRules) -> _Place:
-    """Read a golden.yaml. Raises InputError, and SceneError with all mistakes in it."""
-    tree = parse_yaml_file(file_content(path, MAX_SCENE_BYTES, f"a {PROJECT_FILE}"), path)
-    problems: list[Problem] = []
-    node = schema.TreeNode({} if tree.data is None else tree.data, "", problems)
-    read: Any = schema.dataclass_field(_ProjectFile, _check_limit).read(node)
-    editor = TreeEditor(tree, path)
-    raise_problems(editor.located_problems(problems))
-    root = path.parent
-    files = sorted(set(_listed_scenes(root, read.scenes, problems)))
-    own_rules = {(root / name).resolve(): name for name in read.each}
-    problems += _unknown_scenes(own_rules, files, root)
-    if not _is_below(read.goldens):
-        problems.append(Problem("goldens", "outside the project", read.goldens, _BELOW))
-    raise_problems(editor.located_problems(problems))
-    if not files:
-        raise InputError("a project without scenes", where=str(path), expected="scenes: [scenes/*.yaml]")
-    folder = root / read.goldens if goldens is None else goldens
-    common = SceneRules(read.frames, read.limit, read.pictures)
-    scenes = []
-    for file in files:
-        name = own_rules.get(file.resolve())
-        own = read.each[name] if name is not None else SceneRules()
-        scenes.append(_scene(file, root, folder, rules.over(own.over(common))))
-    return _Place(root, scenes, folder, scenes)
 
 
 def _is_below(entry: str) -> bool:
@@ -327,7 +333,7 @@ def _is_below(entry: str) -> bool:
 def _listed_scenes(root: Path, listed: Sequence[str] | None, problems: list[Problem]) -> Iterator[Path]:
     """Yield the scenes of a project's file: those that it lists, or all in its folder."""
     if listed is None:
-        yield from (file for file in folder_files(root) if _is_scene_name(file.name))
+        yield from _scenes_in(root)
         return
     for number, entry in enumerate(listed):
         key = join_keys("scenes", str(number))
@@ -359,9 +365,7 @@ def _unused(places: Sequence[_Place], found: Mapping[Path, GoldenScene]) -> Iter
     """
     used = {scene.folder.path.resolve() for scene in found.values()}
     distinct = {(place.root, place.goldens): place for place in places}
-    partial = {
-        place.goldens for place in distinct.values() if not all(file.resolve() in found for file in place.whole())
-    }
+    partial = {place.goldens for place in distinct.values() if not all(file.resolve() in found for file in place.whole)}
     for goldens in dict.fromkeys(place.goldens for place in distinct.values()):
         if goldens in partial or not goldens.is_dir():
             continue

@@ -10,6 +10,7 @@ import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -113,10 +114,14 @@ class Golden:
     ]
 
     @property
+    def files(self) -> list[str]:
+        """Return the names of the files of the pictures."""
+        return [picture.file for picture in self.pictures if picture.file is not None]
+
+    @property
     def free_number(self) -> int:
         """Return the number of the next picture, by which its file is named; larger than MOST_PICTURES if all are."""
-        names = [GOLDEN_FILE.fullmatch(picture.file) for picture in self.pictures if picture.file is not None]
-        used = {int(name[2] or 1) for name in names if name is not None}
+        used = {int(name[2] or 1) for name in map(GOLDEN_FILE.fullmatch, self.files) if name is not None}
         return min(set(range(1, len(self.pictures) + 2)) - used)
 
 
@@ -126,7 +131,7 @@ def _check_record(node: schema.TreeNode, given: dict[str, Any]) -> None:
     pictures = [picture for golden in given["frames"] for picture in golden.pictures]
     if any(picture.origin >= len(given["origins"]) for picture in pictures):
         node.child("frames").reject("a picture has an origin that is not in the list `origins`")
-    files = [picture.file for picture in pictures if picture.file is not None]
+    files = [file for golden in given["frames"] for file in golden.files]
     if len(set(files)) < len(files):
         node.child("frames").reject("two pictures have the same file")
 
@@ -153,11 +158,12 @@ class GoldenRecord:
     @property
     def files(self) -> set[str]:
         """Return the names of all files."""
-        return {picture.file for golden in self.frames for picture in golden.pictures if picture.file is not None}
+        return {file for golden in self.frames for file in golden.files}
 
-    def of_frame(self, frame: int) -> Golden | None:
-        """Return the golden of a frame; None without one."""
-        return next((golden for golden in self.frames if golden.frame == frame), None)
+    @cached_property
+    def by_frame(self) -> dict[int, Golden]:
+        """Return the goldens by the numbers of their frames."""
+        return {golden.frame: golden for golden in self.frames}
 
 
 GOLDEN_RECORD = RecordFile(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
-from hsplat_cli.compare.frame_comparison import compare_frame, nearest
+from hsplat_cli.compare.frame_comparison import compare_frame
 from hsplat_cli.compare.golden.changes import changes_since
 from hsplat_cli.compare.golden.drawing import (
     DrawnFrames,
@@ -26,12 +28,12 @@ from hsplat_cli.compare.golden.record import (
 )
 from hsplat_cli.compare.golden.update import limit_of, selected_frames
 from hsplat_cli.compare.limit import SAME_BYTES, Limit
-from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame, Flickers, ReportPicture
+from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame, Flickers, Mistake, ReportPicture
 from hsplat_cli.compare.picture_file import decode_picture, file_content, read_picture
 from hsplat_cli.compare.report_folder import PictureStore
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, parse_frames
-from renderer.errors import InputError
+from renderer.errors import HsplatError, InputError, SceneError
 from renderer.film import Pixels
 from renderer.job import FilmJob
 from renderer.scene import first_few
@@ -42,12 +44,48 @@ _PRECISION = ("scene.error.", "scene.splat.", "scene.pyramid.")
 _MOST_NEARNESS = 3
 
 
-def compare_scene(
-    scene: GoldenScene, request: SceneRequest, store: PictureStore, place: Callable[[Path], str], reporter: Reporter
-) -> ComparedFilm:
+def shown_place(path: Path) -> str:
+    """Return a path as people name it: relative to the current folder, with forward slashes."""
+    return Path(os.path.relpath(path)).as_posix()
+
+
+def error_line(error: HsplatError) -> str:
+    """Return the text of an error in one line."""
+    return _in_one_line(str(error))
+
+
+def _in_one_line(text: str) -> str:
+    """Return a message in one line, without the excerpt of a file, whose lines begin with a bar."""
+    return "; ".join(line.strip() for line in text.splitlines() if not line.strip().startswith("|"))
+
+
+def _mistakes(error: HsplatError, file: Path) -> Iterator[Mistake]:
+    """Yield the mistakes in the file of a scene that an error lists. A missing key is told at the first line."""
+    for problem in error.problems if isinstance(error, SceneError) else ():
+        line = (problem.location or "").removeprefix(f"{file}:").partition(":")[0]
+        yield Mistake(_in_one_line(str(replace(problem, location=None))), int(line) if line.isdecimal() else 1)
+
+
+def compare_scene(scene: GoldenScene, request: SceneRequest, store: PictureStore, reporter: Reporter) -> ComparedFilm:
     """Draw the frames of a scene that have goldens, and compare them. Frames that the project names, too, are drawn.
 
-    request: the scene's file, with the options of the command line. place: returns a path as reports have it.
+    request: the scene's file, with the options of the command line. An error is the outcome of a scene that cannot be
+    compared.
+    """
+    places = shown_place(scene.file), shown_place(scene.folder.path)
+    film = ComparedFilm(scene.name, str(scene.rules.limit or SAME_BYTES), *places)
+    try:
+        film = _compared(film, scene, request, store, reporter)
+    except HsplatError as error:
+        film = replace(film, error=error_line(error), mistakes=tuple(_mistakes(error, scene.file)))
+    return store.settled(film)
+
+
+def _compared(
+    film: ComparedFilm, scene: GoldenScene, request: SceneRequest, store: PictureStore, reporter: Reporter
+) -> ComparedFilm:
+    """Return the outcome of a film whose frames are drawn and compared.
+
     Raises InputError if there is no golden of the scene's frames, and the errors of reading the scene and drawing.
     """
     folder = scene.folder
@@ -63,8 +101,7 @@ def compare_scene(
     job = load_golden_job(request)
     limit = limit_of(scene, record, job)
     goldens, new = _selected(scene, record, request.frames, job)
-    drawable = frozenset(job.frames)
-    numbers = [*new, *(golden.frame for golden in goldens if golden.frame in drawable)]
+    numbers = sorted({*new, *(golden.frame for golden in goldens)} & {*job.frames})
     if not numbers:
         raise InputError(
             "the scene has none of the frames that have goldens",
@@ -72,7 +109,7 @@ def compare_scene(
             got=f"frames up to {job.frames[-1]}",
             expected=f"frame {goldens[0].frame} or others listed in {folder.path}",
         )
-    with drawn_frames(job, sorted(numbers), reporter) as drawn:
+    with drawn_frames(job, numbers, reporter) as drawn:
         comparer = _Comparer(folder, record, drawn, limit, store)
         frames = []
         with reporter.progress(len(goldens), label="comparing") as bar:
@@ -81,22 +118,16 @@ def compare_scene(
                 bar.advance()
         failing = [golden for golden, frame in zip(goldens, frames, strict=True) if not frame.passes]
         new_frames = [comparer.show_new(number, job.scene.num_frames) for number in new]
-        film = ComparedFilm(
-            scene.name,
-            str(limit),
-            place(scene.file),
-            place(folder.path),
+        film = replace(
+            film,
+            limit=str(limit),
             changes=tuple(changes_since(record, failing or goldens, drawn.origin, scene.file)),
-            notes=(*drawn.record.notes, *_notes(others)),
-            outdated=tuple(_outdated(record, goldens, frames, drawn.origin)),
+            notes=(*drawn.record.notes, *_notes(others, [*_outdated(record, goldens, frames, drawn.origin)])),
             origin=drawn.origin,
             frames_per_second=job.scene.output.frames_per_second,
-            flicker=_flickers(record, drawn),
+            flicker=None if drawn.flicker is None else Flickers(drawn.flicker, record.flicker),
             frames=tuple(sorted([*frames, *new_frames], key=lambda frame: frame.frame or 0)),
         )
-        if film.verdict == "passes":
-            store.drop()
-            return film.without_pictures
         return _with_nearness(film, job, comparer)
 
 
@@ -138,43 +169,41 @@ class _Comparer:
             return ComparedFrame(name, "missing", why, golden.frame, old=self._old(golden.frame, golden.pictures[0]))
         content = file_content(file)
         actual = decode_picture(content, file)
-        stated = self.drawn.psnr.get(golden.frame)
-        kept = golden_file_name(golden.frame, golden.frame + 1)
         found = [
-            replace(self._compare_one(name, picture, actual, stated), golden=number)
+            replace(self._compare_one(name, picture, actual, golden.frame), golden=number)
             for number, picture in enumerate(golden.pictures, 1)
         ]
-        frame = nearest(found)
-        new = self.store.add("new", kept, content, picture_digest(actual), stated)
+        frame = max(found, key=lambda each: each.rank)  # with the golden that it is most like
         old = self._old(golden.frame, golden.pictures[frame.golden - 1])
-        return replace(frame, frame=golden.frame, old=old, new=new)
-
-    def _old(self, number: int, picture: GoldenPicture) -> ReportPicture:
-        """Keep a golden picture of a frame in the report, if it has a file."""
-        digest = self.folder.shown_digest(picture)
-        if picture.file is None or not self.folder.file(picture.file).exists():
-            return ReportPicture(digest, "", picture.psnr)
-        name, content = golden_file_name(number, number + 1), file_content(self.folder.file(picture.file))
-        return self.store.add("old", name, content, digest, picture.psnr)
+        return replace(frame, frame=golden.frame, old=old, new=self._new(golden.frame, actual, content))
 
     def show_new(self, number: int, num_frames: int) -> ComparedFrame:
         """Return the outcome of a drawn frame that has no golden, with its picture. num_frames: of the scene."""
-        file, name = self.drawn.files[number], golden_file_name(number, num_frames)
-        content = file_content(file)
-        picture = decode_picture(content, file)
-        kept = golden_file_name(number, number + 1)
-        new = self.store.add("new", kept, content, picture_digest(picture), self.drawn.psnr.get(number))
-        return replace(compare_frame(name, None, picture, self.limit), frame=number, new=new)
+        content = file_content(self.drawn.files[number])
+        picture = decode_picture(content, self.drawn.files[number])
+        frame = compare_frame(golden_file_name(number, num_frames), None, picture, self.limit)
+        return replace(frame, frame=number, new=self._new(number, picture, content))
 
-    def _compare_one(self, name: str, golden: GoldenPicture, actual: Pixels, stated: float | None) -> ComparedFrame:
+    def _old(self, number: int, golden: GoldenPicture) -> ReportPicture:
+        """Keep a golden picture of a frame in the report, if it has a file."""
+        if golden.file is None or not self.folder.file(golden.file).exists():
+            return ReportPicture(golden.digest)
+        picture, content = self.folder.picture(golden.file), file_content(self.folder.file(golden.file))
+        return self.store.add("old", golden_file_name(number, number + 1), picture, content=content)
+
+    def _new(self, number: int, picture: Pixels, content: bytes) -> ReportPicture:
+        """Keep a drawn picture of a frame in the report."""
+        name = golden_file_name(number, number + 1)
+        return self.store.add("new", name, picture, self.drawn.psnr.get(number), content)
+
+    def _compare_one(self, name: str, golden: GoldenPicture, actual: Pixels, number: int) -> ComparedFrame:
         if golden.file is None:
             return self._compare_digest(name, golden, actual)
         path = self.folder.file(golden.file)
         if not path.exists():
             return ComparedFrame(name, "missing", f"{golden.file} is missing, which golden.json lists")
         picture = self.folder.picture(golden.file)
-        both = None if golden.psnr is None or stated is None else (golden.psnr, stated)
-        frame = compare_frame(name, picture, actual, self.limit, both)
+        frame = compare_frame(name, picture, actual, self.limit, (golden.psnr, self.drawn.psnr.get(number)))
         if picture_digest(picture) != golden.digest:
             why = f"{golden.file} is not the picture that golden.json describes; {frame.why}"
             return replace(frame, status="different", why=why)
@@ -186,41 +215,32 @@ class _Comparer:
             return compare_frame(name, actual, actual, SAME_BYTES)
         return ComparedFrame(name, "different", "other stored values than those of the golden's digest")
 
-    def shows_same_scene(self, frame: ComparedFrame) -> bool:
-        """Return whether the golden of a frame shows the scene and the volume as they are now, however exactly."""
-        golden = None if frame.frame is None else self.record.of_frame(frame.frame)
-        if golden is None:
-            return False
-        origin = self.record.origins[golden.pictures[frame.golden - 1].origin]
-        return all(path.startswith(_PRECISION) for path, _, _ in origin.changes(self.drawn.origin))
+    def showing_same_scene(self, frame: ComparedFrame) -> tuple[Pixels, Pixels] | None:
+        """Return the golden and the new picture of a frame.
 
-    def pictures(self, frame: ComparedFrame) -> tuple[Pixels, Pixels] | None:
-        """Return the golden and the new picture of a frame; None unless both are of one size and known."""
+        None if they have not one size, if the golden has no file, or if it shows another scene or volume, however
+        exactly.
+        """
         assert frame.frame is not None
-        golden = self.record.of_frame(frame.frame)
-        file = None if golden is None else golden.pictures[frame.golden - 1].file
-        if file is None or frame.part_psnr is None:
+        picture = self.record.by_frame[frame.frame].pictures[frame.golden - 1]
+        changes = self.record.origins[picture.origin].changes(self.drawn.origin)
+        is_same_scene = all(path.startswith(_PRECISION) for path, _, _ in changes)
+        if not is_same_scene or picture.file is None or frame.part_psnr is None:
             return None
-        return self.folder.picture(file), read_picture(self.drawn.files[frame.frame])
+        return self.folder.picture(picture.file), read_picture(self.drawn.files[frame.frame])
 
 
 def _with_nearness(film: ComparedFilm, job: FilmJob, comparer: _Comparer) -> ComparedFilm:
-    """Return the outcome of a film that fails, with the nearness of its worst frames to the exact pictures.
+    """Return the outcome of a film, with the nearness of its worst frames to the exact pictures.
 
     It is left out where volume or scene changed, but for its precision: the exact picture is the new scene's, which the
     golden never showed.
     """
     different = [frame for frame in film.failing if frame.status == "different"]
-    chosen = [frame for frame in different if comparer.shows_same_scene(frame)][:_MOST_NEARNESS]
-    pictures = {frame.frame: pair for frame in chosen if (pair := comparer.pictures(frame)) and frame.frame is not None}
+    pairs = ((frame.frame or 0, comparer.showing_same_scene(frame)) for frame in different)
+    pictures = dict(islice(((number, pair) for number, pair in pairs if pair is not None), _MOST_NEARNESS))
     found = measure_nearness(job, pictures) if pictures else {}
-    frames = [replace(each, nearer=found.get(each.frame)) if each.frame in found else each for each in film.frames]
-    return replace(film, frames=tuple(frames))
-
-
-def _flickers(record: GoldenRecord, drawn: DrawnFrames) -> Flickers | None:
-    """Return the flicker of the drawn frames, and of the goldens, if they are known."""
-    return None if drawn.flicker is None else Flickers(drawn.flicker, record.flicker)
+    return replace(film, frames=tuple(replace(each, nearer=found.get(each.frame or 0)) for each in film.frames))
 
 
 def _outdated(
@@ -234,6 +254,8 @@ def _outdated(
                 yield picture.file or f"frame {golden.frame}, golden {number}"
 
 
-def _notes(unlisted: Sequence[str]) -> Iterator[str]:
+def _notes(unlisted: Sequence[str], outdated: Sequence[str]) -> Iterator[str]:
     if unlisted:
         yield f"not compared, because golden.json does not list them: {first_few(unlisted)}"
+    if outdated:
+        yield f"no picture matches these goldens any more: {first_few(outdated)}"

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
-from hsplat_cli.compare.ci_files import change_text
 from hsplat_cli.compare.difference import measure_difference
 from hsplat_cli.compare.frame_comparison import compare_frame
 from hsplat_cli.compare.golden.changes import changes_since
-from hsplat_cli.compare.golden.drawing import DrawnFrames, default_limit, drawn_frames, load_golden_job
+from hsplat_cli.compare.golden.drawing import DrawnFrames, drawn_frames, load_golden_job
 from hsplat_cli.compare.golden.golden_folder import Content, GoldenFolder
+from hsplat_cli.compare.golden.merging import GoldenMerger, keeps_files
 from hsplat_cli.compare.golden.project import GoldenScene, SceneRules
 from hsplat_cli.compare.golden.record import (
     ALL_FRAMES,
-    MOST_PICTURES,
     Golden,
     GoldenPicture,
     GoldenRecord,
-    Origin,
     golden_file_name,
     picture_digest,
 )
 from hsplat_cli.compare.limit import HINT_FOR_DIGESTS, LIMIT_OF_DIGESTS, SAME_BYTES, Limit
+from hsplat_cli.compare.outcome import MOST_CHANGES
 from hsplat_cli.compare.picture_file import file_content, read_picture
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, format_table, parse_frames
@@ -43,20 +42,24 @@ _EVENTS_OF_CHANGES = (
     "merge_group",
     "merge_request_event",
 )
+# The limit of scenes that OpenGL draws, whose drivers round in different ways.
+_OPENGL_LIMIT = Limit("decibels", 40.0)
 # The largest number of changed goldens that the terminal lists.
-_MAX_LINES = 20
-# The largest number of frames that a line names.
-_MAX_NAMES = 8
+_MOST_LINES = 20
+# The change of a golden that replaces none.
+_NEW = "new"
 
 
 @dataclass(frozen=True)
 class GoldenOptions:
     """The options of `hsplat golden`.
 
-    replaces: whether goldens that exist may be replaced. also: whether new pictures become further goldens beside them,
-    for a machine that draws other ones. prunes: whether goldens of other frames are removed.
+    frames: a Python slice of the frames that are drawn; None without one. replaces: whether goldens that exist may be
+    replaced. also: whether new pictures become further goldens beside them, for a machine that draws other ones.
+    prunes: whether goldens of other frames are removed.
     """
 
+    frames: str | None = None
     replaces: bool = False
     also: bool = False
     prunes: bool = False
@@ -83,8 +86,8 @@ class GoldenUpdate:
         if self.after is not None:
             self.folder.change(self.before, self.after, self.contents)
             return f"{self.folder.path}: {counted(len(self.after.frames), 'golden')}"
-        if self.before is not None:
-            self.folder.remove(self.before)
+        assert self.before is not None, "goldens are removed where there are some"
+        self.folder.remove(self.before)
         return f"{self.folder.path}: removed"
 
 
@@ -127,28 +130,29 @@ def scenes_to_draw(scenes: Sequence[GoldenScene], options: GoldenOptions, report
 
 
 def plan_update(
-    scene: GoldenScene, frames: str | None, options: GoldenOptions, reporter: Reporter, drawings: ExitStack
+    scene: GoldenScene, options: GoldenOptions, reporter: Reporter, drawings: ExitStack
 ) -> GoldenUpdate | None:
     """Draw the frames of a scene, and plan how its goldens change; None if they do not.
 
-    frames: the option of the command line. drawings: keeps the drawn files until the plan has been carried out.
+    drawings: keeps the drawn files until the plan has been carried out.
     """
     scene.folder.finish()
     before = scene.folder.find()
     scene.folder.unlisted(before)
     job = load_golden_job(SceneRequest(scene.file))
-    numbers = _frames(scene, frames, before, job, prunes=options.prunes)
+    numbers = _frames(scene, options, before, job)
     names = {golden_file_name(frame, job.scene.num_frames) for frame in numbers} | (before.files if before else set())
     scene.folder.require_changeable(names, job.input_files())
-    limit = limit_of(scene, before, job)
-    drawn = drawings.enter_context(drawn_frames(job, numbers, reporter))
-    merger = _Merger(scene, before, drawn, job.scene.num_frames, options, limit)
-    goldens = [merger.golden(frame) for frame in numbers]
-    after = merger.record(goldens, _selection(scene, frames, before, job, numbers, prunes=options.prunes))
-    if before is not None and replace(after, flicker=before.flicker) == before and not merger.contents:
+    drawing = _Drawing(
+        scene, options, before, limit_of(scene, before, job), job.scene.num_frames,
+        drawings.enter_context(drawn_frames(job, numbers, reporter)),
+    )  # fmt: skip
+    after, contents = drawing.merged(_selection(scene, options, before, job, numbers))
+    if before is not None and replace(after, flicker=before.flicker) == before and not contents:
         return None
-    lines = [*merger.lines(after), *_neighbour_lines(drawn, numbers, limit)]
-    return GoldenUpdate(scene.folder, before, after, merger.contents, lines, merger.replaces)
+    rows = [*drawing.rows(after, contents.keys())]
+    lines = [*drawing.lines(after, rows), *drawing.neighbour_lines()]
+    return GoldenUpdate(scene.folder, before, after, contents, lines, asks=any(text != _NEW for _, text in rows))
 
 
 def plan_removals(unused: Sequence[GoldenFolder], options: GoldenOptions, reporter: Reporter) -> list[GoldenUpdate]:
@@ -167,37 +171,35 @@ def plan_removals(unused: Sequence[GoldenFolder], options: GoldenOptions, report
 
 
 def limit_of(scene: GoldenScene, record: GoldenRecord | None, job: FilmJob) -> Limit:
-    """Return the limit of a scene. record: the content of golden.json; None for first goldens.
+    """Return the limit of a scene: by its rules, else the same bytes, which bricks have on every processor.
 
-    Raises InputError for another limit than `same bytes` where only digests are kept.
+    record: the content of golden.json; None for first goldens. Raises InputError for another limit than `same bytes`
+    where only digests are kept.
     """
     if keeps_files(scene.rules, record):
-        return scene.rules.limit or default_limit(job)
+        return scene.rules.limit or (_OPENGL_LIMIT if job.scene.at(0).needs_opengl else SAME_BYTES)
     if scene.rules.limit not in (None, SAME_BYTES):
         got = f"{scene.rules.limit}"
         raise InputError(LIMIT_OF_DIGESTS, where=f"limit of {scene.name}", got=got, hint=HINT_FOR_DIGESTS)
     return SAME_BYTES
 
 
-def _frames(
-    scene: GoldenScene, frames: str | None, before: GoldenRecord | None, job: FilmJob, *, prunes: bool
-) -> list[int]:
+def _frames(scene: GoldenScene, options: GoldenOptions, before: GoldenRecord | None, job: FilmJob) -> list[int]:
     """Return the frames that are drawn: of the option, or all that should have goldens, and, unless others are pruned,
     all that have some.
     """
-    if frames is not None or before is None:
+    if options.frames is not None or before is None:
         return [*parse_frames(scene.rules.frames, job.scene.num_frames, job.frames)]
-    there = frozenset(job.frames)
     found = {*selected_frames(scene.rules, before, job)}
-    if not prunes:
-        found |= {golden.frame for golden in before.frames if golden.frame in there}
+    if not options.prunes:
+        found |= before.by_frame.keys() & {*job.frames}
     if not found:
         raise InputError(
             "the scene has none of the frames that have goldens",
             where=str(scene.file),
             got=f"frames up to {job.frames[-1]}",
             expected=f"frame {before.frames[0].frame}, or others listed in {scene.folder.path}",
-            hint="--update --frames : --prune draws all frames anew",
+            hint="--update --frames : --prune draws all frames again",
         )
     return sorted(found)
 
@@ -218,13 +220,7 @@ def selected_frames(rules: SceneRules, record: GoldenRecord, job: FilmJob) -> li
 
 
 def _selection(
-    scene: GoldenScene,
-    frames: str | None,
-    before: GoldenRecord | None,
-    job: FilmJob,
-    numbers: Sequence[int],
-    *,
-    prunes: bool,
+    scene: GoldenScene, options: GoldenOptions, before: GoldenRecord | None, job: FilmJob, numbers: Sequence[int]
 ) -> str:
     """Return the slice of frames that golden.json names from now on.
 
@@ -232,164 +228,92 @@ def _selection(
     """
     if before is None:
         return scene.rules.frames or ALL_FRAMES
-    is_part = frames is not None and not prunes
-    if is_part and not set(numbers) > {*selected_frames(SceneRules(), before, job)}:
+    is_part = options.frames is not None and not options.prunes
+    if is_part and not {*numbers} > {*selected_frames(SceneRules(), before, job)}:
         return before.selection
     return scene.rules.frames or before.selection
 
 
-def keeps_files(rules: SceneRules, before: GoldenRecord | None) -> bool:
-    """Return whether goldens are kept as files: by the rules, else as they are kept so far."""
-    if rules.pictures is not None:
-        return rules.pictures == "files"
-    return before is None or bool(before.files)
+@dataclass(frozen=True)
+class _Drawing:
+    """The drawn frames of a scene, and the goldens before.
 
+    limit: the limit of the scene. num_frames: the number of frames of its film.
+    """
 
-class _Merger:
-    """Merges drawn frames into the goldens of a scene, and keeps account of what changes."""
+    scene: GoldenScene
+    options: GoldenOptions
+    before: GoldenRecord | None
+    limit: Limit
+    num_frames: int
+    drawn: DrawnFrames
 
-    def __init__(
-        self,
-        scene: GoldenScene,
-        before: GoldenRecord | None,
-        drawn: DrawnFrames,
-        num_frames: int,
-        options: GoldenOptions,
-        limit: Limit,
-    ) -> None:
-        self._scene, self._before, self._drawn = scene, before, drawn
-        self._num_frames, self._options, self._limit = num_frames, options, limit
-        self._keeps_files = keeps_files(scene.rules, before)
-        self._origins = [*before.origins] if before else []
-        self.contents = dict[str, Content]()
-        self.replaces = False
-        self._rows = list[tuple[str, str]]()
-
-    def golden(self, frame: int) -> Golden:
-        """Return the golden of a drawn frame, with the pictures that it keeps."""
-        picture, before = read_picture(self._drawn.files[frame]), self._before.of_frame(frame) if self._before else None
-        digest = picture_digest(picture)
-        if before is not None:
-            same = next((each for each in before.pictures if each.digest == digest), None)
-            if same is not None:
-                return self._kept(before, same)
-            if self._options.also and any(self._is_close(each, frame, picture) for each in before.pictures):
-                return before
-        self._note(frame, before)
-        psnr = self._drawn.psnr.get(frame)
-        new = GoldenPicture(digest, self._origin(self._drawn.origin), None, psnr)
-        golden = with_picture(frame, before, new, also=self._options.also)
-        return self._with_file(golden, new) if self._keeps_files else golden
-
-    def _kept(self, golden: Golden, same: GoldenPicture) -> Golden:
-        """Return a golden of which a picture was drawn again: with a file that was missing, or without files."""
-        if self._keeps_files:
-            is_there = same.file is not None and self._scene.folder.holds(same)
-            return golden if is_there else self._with_file(golden, same)
-        if any(picture.file is not None for picture in golden.pictures):
-            self.replaces = True
-            self._rows.append((golden_file_name(golden.frame, self._num_frames), "kept as a digest alone"))
-        return replace(golden, pictures=tuple(replace(picture, file=None) for picture in golden.pictures))
-
-    def _with_file(self, golden: Golden, picture: GoldenPicture) -> Golden:
-        """Return a golden whose drawn picture has a file."""
-        name = picture.file or golden_file_name(golden.frame, self._num_frames, golden.free_number)
-        self.contents[name] = partial(file_content, self._drawn.files[golden.frame])
-        return replace(
-            golden, pictures=tuple(replace(each, file=name) if each is picture else each for each in golden.pictures)
-        )
+    def merged(self, selection: str) -> tuple[GoldenRecord, Mapping[str, Content]]:
+        """Return the new content of golden.json, and functions that return the content of each new file."""
+        merger = GoldenMerger(self.scene, self.before, self.drawn.origin, self.num_frames, also=self.options.also)
+        for frame, file in self.drawn.files.items():
+            picture, golden = read_picture(file), merger.goldens.get(frame)
+            if self.options.also and golden and any(self._is_close(each, frame, picture) for each in golden.pictures):
+                continue
+            merger.merge(frame, picture_digest(picture), self.drawn.psnr.get(frame), partial(file_content, file))
+        if self.options.prunes:
+            merger.goldens = {frame: merger.goldens[frame] for frame in self.drawn.files}
+        is_whole = merger.goldens.keys() == self.drawn.files.keys()
+        return merger.record(selection, self.drawn.flicker if is_whole else None), merger.contents
 
     def _is_close(self, golden: GoldenPicture, frame: int, picture: Pixels) -> bool:
         """Return whether a drawn picture passes as a golden of the frame."""
-        if golden.file is None or not self._scene.folder.holds(golden):
+        if golden.file is None or not self.scene.folder.holds(golden):
             return False
-        other = self._scene.folder.picture(golden.file)
-        psnr = self._drawn.psnr.get(frame)
-        stated = None if golden.psnr is None or psnr is None else (golden.psnr, psnr)
-        return compare_frame("", other, picture, self._limit, stated).passes
+        stated = golden.psnr, self.drawn.psnr.get(frame)
+        return compare_frame("", self.scene.folder.picture(golden.file), picture, self.limit, stated).passes
 
-    def record(self, goldens: Sequence[Golden], selection: str) -> GoldenRecord:
-        """Return the new content of golden.json, with the goldens of frames that were not drawn."""
-        drawn = {golden.frame for golden in goldens}
-        rest = [golden for golden in self._before.frames if golden.frame not in drawn] if self._before else []
-        if rest and self._options.prunes:
-            self.replaces = True
-            self._rows += [(golden_file_name(each.frame, self._num_frames), "removed") for each in rest]
-        kept = [] if self._options.prunes else rest
-        frames = tuple(sorted([*goldens, *kept], key=lambda golden: golden.frame))
-        return compact(GoldenRecord(tuple(self._origins), frames, selection, None if kept else self._drawn.flicker))
+    def rows(self, after: GoldenRecord, written: Set[str]) -> Iterator[tuple[str, str]]:
+        """Yield the file and the change of each golden that changes, in words. written: the names of new files."""
+        goldens = self.before.by_frame if self.before else {}
+        for frame in sorted(goldens.keys() | after.by_frame.keys()):
+            change = self._change(goldens.get(frame), after.by_frame.get(frame), written)
+            if change:
+                yield golden_file_name(frame, self.num_frames), change
 
-    def lines(self, after: GoldenRecord) -> list[str]:
-        """Return the changes in words."""
-        if self._before is None:
-            return [f"{self._scene.name}: {counted(len(after.frames), 'golden')}"]
-        shown = self._rows[:_MAX_LINES]
-        found = [f"{self._scene.name}: {counted(len(self._rows), 'golden')} of {len(self._before.frames)}"]
-        found += [f"  {line}" for line in format_table(shown).splitlines()] if shown else []
-        if len(self._rows) > len(shown):
-            found.append(f"  and {len(self._rows) - len(shown)} more")
-        if after.selection != self._before.selection:
-            found.append(f"  frames {after.selection}, in place of {self._before.selection}")
-        changes = [*changes_since(self._before, self._before.frames, self._drawn.origin, self._scene.file)]
-        return [*found, *(f"  {change_text(change)}" for change in changes[:_MAX_NAMES])]
-
-    def _origin(self, origin: Origin) -> int:
-        if origin not in self._origins:
-            self._origins.append(origin)
-        return self._origins.index(origin)
-
-    def _note(self, frame: int, before: Golden | None) -> None:
-        """Note the change of a golden for `lines`."""
-        name = golden_file_name(frame, self._num_frames)
-        if before is None or self._options.also:
-            self._rows.append((name, "new"))
-            return
-        self.replaces = True
+    def _change(self, before: Golden | None, after: Golden | None, written: Set[str]) -> str:
+        """Return the change of a golden in words; an empty text without one."""
+        if before is None or after is None:
+            return "removed" if after is None else _NEW
+        if {each.digest for each in before.pictures} <= {each.digest for each in after.pictures}:
+            if before.files and not after.files:
+                return "kept as a digest alone"
+            return _NEW if len(after.pictures) > len(before.pictures) or written & {*after.files} else ""
         old = before.pictures[0]
-        if old.file is None or not self._scene.folder.holds(old):
-            self._rows.append((name, "other stored values"))
-            return
-        pictures = self._scene.folder.picture(old.file), read_picture(self._drawn.files[frame])
-        self._rows.append((name, compare_frame(name, *pictures, SAME_BYTES).why.partition(";")[0]))
+        if old.file is None or not self.scene.folder.holds(old):
+            return "other stored values"
+        pictures = self.scene.folder.picture(old.file), read_picture(self.drawn.files[before.frame])
+        return compare_frame("", *pictures, SAME_BYTES).why.partition(";")[0]
 
+    def lines(self, after: GoldenRecord, rows: Sequence[tuple[str, str]]) -> list[str]:
+        """Return the changes in words. rows: of the goldens."""
+        if self.before is None:
+            return [f"{self.scene.name}: {counted(len(after.frames), 'golden')}"]
+        shown = rows[:_MOST_LINES]
+        found = [f"{self.scene.name}: {counted(len(rows), 'golden')} of {len(self.before.frames)}"]
+        found += [f"  {line}" for line in format_table(shown).splitlines()] if shown else []
+        if len(rows) > len(shown):
+            found.append(f"  and {len(rows) - len(shown)} more")
+        if after.selection != self.before.selection:
+            found.append(f"  frames {after.selection}, in place of {self.before.selection}")
+        changes = [*changes_since(self.before, self.before.frames, self.drawn.origin, self.scene.file)]
+        return [*found, *(f"  {change.words}" for change in changes[:MOST_CHANGES])]
 
-def with_picture(frame: int, before: Golden | None, picture: GoldenPicture, *, also: bool) -> Golden:
-    """Return the golden of a frame with another picture, beside those that it has or in place of them.
-
-    Raises InputError if it would have too many.
-    """
-    others = before.pictures if before is not None and also else ()
-    if len(others) == MOST_PICTURES:
-        raise InputError(f"frame {frame} has {MOST_PICTURES} goldens, the most that it can have", where="--also")
-    return Golden(frame, (*others, picture))
-
-
-def compact(record: GoldenRecord) -> GoldenRecord:
-    """Return a record without the origins that no picture has."""
-    used = sorted({picture.origin for golden in record.frames for picture in golden.pictures})
-    numbers = {origin: number for number, origin in enumerate(used)}
-
-    def renumbered(golden: Golden) -> Golden:
-        pictures = [replace(picture, origin=numbers[picture.origin]) for picture in golden.pictures]
-        return replace(golden, pictures=tuple(pictures))
-
-    return replace(
-        record, origins=tuple(record.origins[number] for number in used), frames=tuple(map(renumbered, record.frames))
-    )
-
-
-def _neighbour_lines(drawn: DrawnFrames, frames: Sequence[int], limit: Limit) -> list[str]:
-    """Return a line on neighbouring goldens that would pass as each other: the limit cannot tell them apart."""
-    alike = []
-    for first, second in pairwise(frames):
-        figures = measure_difference(read_picture(drawn.files[first]), read_picture(drawn.files[second]))
-        known = first in drawn.psnr and second in drawn.psnr
-        if limit.passes(figures, (drawn.psnr[first], drawn.psnr[second]) if known else None):
-            alike.append(f"{first} and {second}")
-    if not alike:
-        return []
-    return [f"note: at `{limit}`, {counted(len(alike), 'pair')} of neighbouring goldens would pass as each other: "
-            f"{first_few(alike)}"]  # fmt: skip
+    def neighbour_lines(self) -> Iterator[str]:
+        """Yield a line on neighbouring frames that would pass as each other: the limit cannot tell them apart."""
+        alike = []
+        for (first, file), (second, other) in pairwise(self.drawn.files.items()):
+            figures = measure_difference(read_picture(file), read_picture(other))
+            if self.limit.passes(figures, (self.drawn.psnr.get(first), self.drawn.psnr.get(second))):
+                alike.append(f"{first} and {second}")
+        if alike:
+            pairs = f"{counted(len(alike), 'pair')} of neighbouring goldens"
+            yield f"note: at `{self.limit}`, {pairs} would pass as each other: {first_few(alike)}"
 
 
 def update_goldens(updates: Sequence[GoldenUpdate], reporter: Reporter, ask: Callable[[], bool], *, yes: bool) -> bool:

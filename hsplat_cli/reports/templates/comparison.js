@@ -116,12 +116,6 @@ articles.forEach((article, number) => {
 
 // ---------------------------------------------------------------------------------------------------------------- keys
 
-function stepSelecting(count) {
-  const at = Math.min(Math.max(shown.at + count, 0), film().frames.length - 1);
-  select(run.first === null ? shown.at : run.first === shown.at ? run.last : run.first, at);
-  step(at - shown.at);
-}
-
 const ofFrames = {
   ArrowLeft: () => step(-1), ArrowRight: () => step(1), Home: () => step(-Infinity), End: () => step(Infinity),
   p: play, " ": play, 0: () => setMode("all"), 1: () => setMode("old"), 2: () => setMode("new"), 3: () => setMode("difference"),
@@ -140,9 +134,8 @@ function isTaken(target, key) {
 
 addEventListener("keydown", (event) => {
   const { key, target } = event;
-  if (event.ctrlKey || event.altKey || event.metaKey || isTaken(target, key)) return;
-  let act = ofFilms[key] ?? (viewer.isConnected && film().hasPictures ? ofFrames[key] : undefined);
-  if (event.shiftKey) act = viewer.isConnected && { ArrowLeft: () => stepSelecting(-1), ArrowRight: () => stepSelecting(1) }[key];
+  if (event.ctrlKey || event.altKey || event.metaKey || event.shiftKey || isTaken(target, key)) return;
+  const act = ofFilms[key] ?? (viewer.isConnected && film().hasPictures ? ofFrames[key] : undefined);
   if (!act) return;
   event.preventDefault();
   act();

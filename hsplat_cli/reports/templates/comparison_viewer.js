@@ -271,7 +271,6 @@ function listenToChart(svg) {
     svg.setPointerCapture(event.pointerId);
     const at = indexAt(svg, event);
     stop();
-    if (event.shiftKey) return select(shown.at, at);
     start = at;
     select(null);
     showFrame(at);
