@@ -163,19 +163,19 @@ SECTIONS = {
             LayerSpec(
                 VolumeSpec(ProceduralSource("constant", (9, 9, 9), phase=0.25)),
                 TransferSpec(
-                    moving(Motion((0, 90), (POINTS, (POINTS[0], replace(POINTS[1], color=(0.0, 0.5, 1.0)))), "smooth")),
-                    moving(Motion((3, 7, 9), (1.0, 0.1, 2.0), "hold", "ratio"))),
-                ShadingSpec(light=moving(Motion((0, 91), ((1.0, 0.0, 0.0), AXIS), kind="direction")))),),
+                    moving(Motion((0, 6), (POINTS, (POINTS[0], replace(POINTS[1], color=(0.0, 0.5, 1.0)))), "smooth")),
+                    moving(Motion((1, 3, 5), (1.0, 0.1, 2.0), "hold", "ratio"))),
+                ShadingSpec(light=moving(Motion((0, 7), ((1.0, 0.0, 0.0), AXIS), kind="direction")))),),
         camera=CameraSpec(
             PathSequence(
                 (
-                    TurntablePath(30, elevation=moving(Motion((0, 29), (0.0, 12.5)))), HoldPath(12),
+                    TurntablePath(3, elevation=moving(Motion((0, 2), (0.0, 12.5)))), HoldPath(2),
                     FlightPath(
-                        50, (FlightKey(SPACING, AXIS, 12.5, 0), FlightKey(AXIS, SPACING, frame=9)), "smooth", AXIS))),
+                        3, (FlightKey(SPACING, AXIS, 12.5, 0), FlightKey(AXIS, SPACING, frame=2)), "smooth", AXIS))),
             target="visible", follow=True, loop="ping-pong"),
         annotation=ANNOTATION,
         output=OutputSpec(
-            Path("a.mp4"), background=moving(Motion((0, 181), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "in")))),
+            Path("a.mp4"), background=moving(Motion((0, 13), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "in")))),
     "labels in a list": replace(
         PLAIN, layers=(LayerSpec(LAYERS[1].volume, TransferSpec(LabelsSpec("table", 0.5))), LAYERS[0]),
         shared=SharedKeys()),
