@@ -27,7 +27,9 @@ pytestmark = pytest.mark.usefixtures("scene_folder")
 
 NUM_FRAMES = 24
 # Splats, whose accuracy hardly differs between frames: few pixels decide that of a small picture of bricks.
-SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="24, 16", error="psnr: 27, probes: 16", footprint="gaussian")
+SCENE = small_scene(
+    shape="32, 32, 16", frames=NUM_FRAMES, size="24, 16", error="psnr: 27, probes: 16", footprint="gaussian"
+)
 BEYOND = ("--set", "error.psnr=150")
 RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.045")
 FEWER_FRAMES = ("--set", "camera.path.frames=8")
