@@ -18,9 +18,9 @@ def scene_folder(request: pytest.FixtureRequest, folder: Path) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def scheduler() -> Iterator[str]:
-    """Return the address of a scheduler with two workers."""
+    """Return the address of a scheduler with two workers, which no test kills."""
     from clusters import running_cluster
 
     with running_cluster(2) as cluster:

@@ -45,8 +45,9 @@ def stage() -> Stage:
 
 
 @pytest.fixture(scope="module")
-def client(scheduler: str) -> Iterator[Client]:
-    with connect(scheduler) as client:
+def client() -> Iterator[Client]:
+    """Return a client of a cluster of this module, whose workers are killed."""
+    with running_cluster(2) as cluster, connect(cluster.scheduler_address) as client:
         yield client
 
 

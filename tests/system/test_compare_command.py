@@ -127,17 +127,17 @@ def test_an_interrupt_leaves_no_report_and_no_process(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize(
-    ("script", "code"),
+    ("script", "code", "unbuffered"),
     [
-        ('"$@" >/dev/full', 2),
-        ('"$@" 2>/dev/full', 2),
-        ('"$@" >/dev/full 2>&1', 2),
-        ('"$@" <&- >&- 2>&-', 1),
-        ('exec 3> >(true); wait $!; "$@" >&3', 2),
+        ('"$@" >/dev/full', 2, ""),
+        ('"$@" >/dev/full', 2, "1"),
+        ('"$@" 2>/dev/full', 2, "1"),
+        ('"$@" >/dev/full 2>&1', 2, ""),
+        ('"$@" <&- >&- 2>&-', 1, ""),
+        ('exec 3> >(true); wait $!; "$@" >&3', 2, ""),
     ],
-    ids=["full", "full for errors", "both full", "all closed", "no reader"],
+    ids=["full", "full, unbuffered", "full for errors", "both full", "all closed", "no reader"],
 )
-@pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_exit_code_1_only_means_that_frames_differ(script: str, code: int, unbuffered: str) -> None:
     """It holds where the output cannot be printed, too, and what is left in Python's buffers changes nothing."""
     paint("frame-3.png", 64)

@@ -122,7 +122,11 @@ def test_commands_tell_it(name: str) -> None:
     assert sentence in Path("scene.html").read_text()
     assert sentence in run("render", "scene.yaml").partition("note: ")[2]
     assert any(sentence in each for each in json.loads(Path("film.mp4.json").read_text())["notes"])
-    Path("look.yaml").write_bytes(Path("scene.yaml").read_bytes())
+
+
+def test_turntable_tells_it() -> None:
+    opacity, (word,) = LOOKS["opacities that change few pixels"]
+    Path("look.yaml").write_text(yaml.safe_dump(scene_of(opacity, error={"probes": 16})))
     np.save("other.npy", ball())
     table = run("turntable", "ball.npy", "other.npy", "--scene", "look.yaml", "-o", "films")
     assert "seen" in table and table.count(word) >= 2

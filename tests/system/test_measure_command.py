@@ -17,7 +17,7 @@ from hsplat_cli.measure import Measurement, measure_setting, open_at_any_toleran
 from renderer.errors import RenderError
 from renderer.scene import Scene
 
-SCENE = small_scene(shape="32, 32, 16", frames=8, size="48, 32", error="tolerance: 0.1")
+SCENE = small_scene(shape="32, 32, 16", frames=8, size="32, 24", error="tolerance: 0.1")
 FEW = ("--thorough", "--repeats", "1", "--frames", "0:8:4")
 
 
@@ -45,7 +45,7 @@ def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
     assert found == {(name, tolerance, frame) for name in series for tolerance in (1.0, 0.5) for frame in (0, 4)}
     assert sorted(path.name for path in (folder / "out").iterdir()) == ["index.html", "measure.csv", "measure.json"]
     data = json.loads((folder / "out" / "measure.json").read_text("utf-8"))
-    assert data["scene"]["output"]["size"] == [48, 32]
+    assert data["scene"]["output"]["size"] == [32, 24]
     assert data["machine"]["cores"] >= 1 and data["machine"]["device"] and data["machine"]["versions"]["numpy"]
 
 
@@ -179,7 +179,7 @@ def test_a_quick_study_chooses_frames_and_tolerances_as_a_whole_one(monkeypatch:
 
 def test_the_line_for_the_scene_file_reaches_the_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     few = ("--set", "camera.path.frames=4")
-    measure("--want", "flip=0.11", "--set", "splat.footprint=gaussian", *few)
+    measure("--want", "flip=0.14", "--set", "splat.footprint=gaussian", *few)
     comment, line = capsys.readouterr().out.splitlines()
     tolerance = yaml.safe_load(line)["error"]["tolerance"]
     assert tolerance > 0
@@ -191,5 +191,5 @@ def test_the_line_for_the_scene_file_reaches_the_accuracy(capsys: pytest.Capture
     def errors(at: float) -> list[float]:
         return [float(row["flip"]) for row in rows("all") if math.isclose(float(row["tolerance"]), at)]
 
-    assert len(errors(tolerance)) == 4 and max(errors(tolerance)) < 0.121
-    assert max(errors(2.5 * tolerance)) > 0.11  # a much coarser one would not do
+    assert len(errors(tolerance)) == 4 and max(errors(tolerance)) < 0.154
+    assert max(errors(2.5 * tolerance)) > 0.14  # a much coarser one would not do

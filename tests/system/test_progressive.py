@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("scene_folder")
 NUM_FRAMES = 4
 
 # Splats, of which a small volume has enough that coarse passes are much faster; test_render_integrated refines bricks.
-SCENE = small_scene(shape="96, 96, 64", frames=4, size="48, 32", error="tolerance: 0, probes: 16", footprint="gaussian")
+SCENE = small_scene(shape="64, 64, 48", frames=4, size="48, 32", error="tolerance: 0, probes: 16", footprint="gaussian")
 
 
 def render(*options: str) -> int:

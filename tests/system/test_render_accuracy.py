@@ -27,7 +27,9 @@ pytestmark = pytest.mark.usefixtures("scene_folder")
 
 NUM_FRAMES = 24
 # Splats, whose accuracy hardly differs between frames: few pixels decide that of a small picture of bricks.
-SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="36, 24", error="psnr: 27", footprint="gaussian")
+SCENE = small_scene(
+    shape="32, 32, 16", frames=NUM_FRAMES, size="24, 16", error="psnr: 27, probes: 16", footprint="gaussian"
+)
 BEYOND = ("--set", "error.psnr=150")
 RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.045")
 FEWER_FRAMES = ("--set", "camera.path.frames=8")
@@ -136,7 +138,7 @@ def test_measure_finds_a_tolerance_for_the_same(capsys: pytest.CaptureFixture[st
 def test_a_film_beyond_full_resolution_is_whole(capsys: pytest.CaptureFixture[str]) -> None:
     """Whole, with every voxel; only the exit code, a note and the record of it depend on what was asked for."""
     render("--quiet", *BEYOND, code=1)
-    assert np.asarray(imageio.imread("film.mp4", index=None)).shape == (NUM_FRAMES, 24, 36, 3)
+    assert np.asarray(imageio.imread("film.mp4", index=None)).shape == (NUM_FRAMES, 16, 24, 3)
     without, error = sidecar(), capsys.readouterr().err
     render("--quiet", *BEYOND, "--best-effort")
     assert capsys.readouterr() == ("", "")
