@@ -21,7 +21,7 @@ from renderer.readers.components import are_colors, are_light, choose, select_in
 from renderer.readers.file_errors import errors_about, require_exists, unreadable_error
 from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
-from renderer.readers.kept_levels import find_kept, find_part, read_kept, read_part_kept, store_state
+from renderer.readers.kept_levels import find_kept, find_part, read_kept, read_part_kept, read_plan, store_state
 from renderer.readers.level_parts import has_blocks, read_rest
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages
@@ -274,7 +274,7 @@ def _part(spec: VolumeSpec, place: Path | str, blocks: Blocks | None) -> Image:
     wanted = _wanted(spec, 0 if spec.time == "auto" else time)
     read = partial(read_isolated, "renderer.readers.store:read_store", place, on_disk=True, **wanted)
     request = _part_request(spec, place, wanted)
-    part = _RECENT_IMAGES.find(request) or _RECENT_IMAGES.keep(request, read(blocks=()))
+    part = _RECENT_IMAGES.get(request, lambda: read_plan(read, place, wanted))
     if blocks is None or has_blocks(part, blocks):
         return part
     whole = _RECENT_IMAGES.find(_level_request(spec, place, "store", wanted)) or find_kept(part, place, wanted)

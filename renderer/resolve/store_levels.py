@@ -123,9 +123,9 @@ def _key(volume: VolumeSpec) -> Hashable:
 def _open_store(volume: VolumeSpec) -> _OpenStore | None:
     """Return the store of a volume; None for a volume in another file, and for a store of one level."""
     image = read_part(replace(volume, level=0), None)
-    if image is None or len(image.levels) < 2:
+    if image is None or image.box is None or len(image.levels) < 2:
         return None
-    share = image.values.size / math.prod(image.levels[0].shape)
+    share = math.prod(end - begin for begin, end in image.box) / math.prod(image.levels[0].shape)
     sizes = [round(share * level.num_bytes) for level in image.levels]
     return _OpenStore(_key(volume), sizes, [max(level.shape) for level in image.levels])
 
