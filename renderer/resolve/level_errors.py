@@ -2,8 +2,8 @@
 
 Two rays pass through random places of a pixel, the same through each level. With d1 and d2 the differences of their
 colours between two levels, d1 times d2 has the expectation of the squared difference of the pixel's means. The pixels
-lie in a few cells of a grid over the frame; a cell counts as one sample. The larger the differences of two coarse levels
-are in and around a cell, the larger is its chance. Of the finest level, only the chunks near the rays are read.
+lie in a few cells of a grid over the frame; a cell counts as one sample. The larger the differences of two coarse
+levels are in and around a cell, the larger is its chance. Of the finest level, only the chunks near the rays are read.
 """
 
 from __future__ import annotations
