@@ -91,6 +91,7 @@ class _VolumeFacts:
     dtype: str
     bytes: int
     stays_in_file: bool
+    decoded_on_disk: bool
     without_data: int
     spacing: list[float]
     replaced_spacing: list[float] | None
@@ -229,7 +230,8 @@ def _facts(
         shape=list(volume.shape_xyz),
         dtype=volume.values.dtype.name,
         bytes=volume.values.nbytes,
-        stays_in_file=volume.source is not None,
+        stays_in_file=volume.source is not None and not volume.is_on_disk,
+        decoded_on_disk=volume.is_on_disk,
         without_data=volume.num_absent,
         spacing=spacing.tolist(),
         replaced_spacing=volume.file_spacing and list(volume.file_spacing),
@@ -314,12 +316,13 @@ def _fact_lines(facts: _VolumeFacts, marks: str) -> list[str]:
     replaced = "" if file_spacing is None else f", in place of {_numbers(file_spacing, ' x ')}"
     length, value = (f" {unit}" * bool(unit) for unit in (facts.length_unit, facts.value_unit))
     low, high, mean = map(_number, (facts.minimum, facts.maximum, facts.mean))
+    place = ", decoded into a file on disk" if facts.decoded_on_disk else " in memory"
+    place = ", which stay in the file" if facts.stays_in_file else place
     matrix = [] if facts.direction.startswith("axis-aligned") else facts.direction_matrix
     return [
         facts.name,
         f"  shape        {_numbers(facts.shape, ' x ')} voxels (x, y, z)",
-        f"  type         {facts.dtype}, {_memory_text(facts.bytes)}"
-        + (", which stay in the file" if facts.stays_in_file else " in memory"),
+        f"  type         {facts.dtype}, {_memory_text(facts.bytes)}{place}",
         f"  spacing      {_numbers(facts.spacing, ' x ')}{length}{replaced}",
         f"  world size   {_numbers(facts.world_size, ' x ')}{length}",
         f"  origin       {_numbers(facts.origin)} (centre of the first voxel)",

@@ -40,7 +40,7 @@ def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False)
     if volume.voxels is not None:
         voxels = volume.voxels._replace(values=found.reshape(-1))
         return replace(volume, voxels=voxels, source=None, num_absent=0, is_labels=True)
-    return replace(volume, values=found, source=None, num_absent=0, is_labels=True)
+    return replace(volume, values=found, source=None, is_on_disk=False, num_absent=0, is_labels=True)
 
 
 def mask_volume(volume: Volume, mask: Volume, shown: Sequence[int]) -> Volume:
@@ -70,7 +70,7 @@ def leave_out_masked(volume: Volume) -> Volume:
     num_absent = int(np.count_nonzero(np.isnan(values)))
     if num_absent == values.size:
         raise InputError("the mask shows no voxel of this volume", where=volume.name)
-    return replace(volume, values=values, source=None, mask=None, num_absent=num_absent)
+    return replace(volume, values=values, source=None, is_on_disk=False, mask=None, num_absent=num_absent)
 
 
 def _numbers_of(values: Array, shown: Array, numbers: Array) -> Array:

@@ -1,5 +1,6 @@
 from .components import are_colors as are_colors
 from .image import Image as Image
+from .kept_levels import looking_once as looking_once
 from .sniff import (
     TIFF_SUFFIXES as TIFF_SUFFIXES,
     UnknownFormatError as UnknownFormatError,
@@ -29,6 +30,7 @@ from .affines import check_lengths as check_lengths
 from .dicom_tags import summarize as summarize
 from .file_errors import errors_about as errors_about
 from .isolation import call_reader as call_reader, read_isolated as read_isolated
+from .kept_levels import find_marks as find_marks
 from .nrrd import read_nrrd as read_nrrd
 from .procedural import procedural_values as procedural_values
 from .recent_images import ImageRequest as ImageRequest, RecentImages as RecentImages

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +34,9 @@ _PART_KIND = "part"
 _BLOCKS = "blocks"
 # The number of bytes of the digest of a file's name, size and time.
 _DIGEST_BYTES = 16
+# The marks of stores by their places, in a block of `looking_once`; None outside of one. To find the marks of 19,000
+# files takes 0.1 s.
+_KNOWN_MARKS: ContextVar[dict[Path, str] | None] = ContextVar("known marks of stores", default=None)
 
 
 def read_kept(read: Callable[..., Image], place: Path | str, wanted: Mapping[str, Any]) -> Image:
@@ -53,6 +57,18 @@ def read_kept(read: Callable[..., Image], place: Path | str, wanted: Mapping[str
         image = read(entry=entry)
         folder.remove(_PART_KIND, facts)
     return _find(folder, facts) or image or read()
+
+
+def read_plan(read: Callable[..., Image], place: Path | str, wanted: Mapping[str, Any]) -> Image:
+    """Return a level of which nothing, or some part, is read, by which its place and its shape are known.
+
+    For a level of a local store in the cache folder, no process is started. read: reads the level in a child process.
+    """
+    folder = cache_folder()
+    if folder is None or isinstance(place, str):
+        return read(blocks=())
+    facts = _facts(read, place, wanted)
+    return _find_part(folder, facts) or _find(folder, facts) or read(blocks=())
 
 
 def find_part(plan: Image, place: Path | str, wanted: Mapping[str, Any]) -> Image | None:
@@ -97,8 +113,32 @@ def store_state(read_plan: Callable[[], Image], place: Path | str) -> object:
     return (str(place), store_marks(place)) if isinstance(place, Path) else (place, _stated(read_plan()))
 
 
+@contextmanager
+def looking_once() -> Iterator[None]:
+    """Look at the files of each store once while the block runs: marks count from then on until its end.
+
+    An entry that is kept meanwhile has the marks of a time before its voxels were read, and is not found again if a
+    file has changed since.
+    """
+    before = _KNOWN_MARKS.set({})
+    try:
+        yield
+    finally:
+        _KNOWN_MARKS.reset(before)
+
+
 def store_marks(place: Path) -> str:
     """Return a text that changes when a file in a store is added, removed or written to. place: a folder or a file."""
+    known = _KNOWN_MARKS.get()
+    if known is None:
+        return find_marks(place)
+    if place not in known:
+        known[place] = find_marks(place)
+    return known[place]
+
+
+def find_marks(place: Path) -> str:
+    """Return the marks of a store, as `store_marks`, by a look at its files."""
     total, folders = 0, [place] if place.is_dir() else []
     marks = repr(marks_of(place)) * place.is_file()
     while folders:

@@ -21,7 +21,7 @@ from renderer.readers.components import are_colors, are_light, choose, select_in
 from renderer.readers.file_errors import errors_about, require_exists, unreadable_error
 from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
-from renderer.readers.kept_levels import find_kept, find_part, read_kept, read_part_kept, store_state
+from renderer.readers.kept_levels import find_kept, find_part, read_kept, read_part_kept, read_plan, store_state
 from renderer.readers.level_parts import has_blocks, read_rest
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages
@@ -146,7 +146,7 @@ def mix_steps(before: Volume, after: Volume, share: float) -> Volume:
         colors = np.rint(_between(before.colors, after.colors, share)).astype(np.uint8)
     made = make_volume(values, before.world_from_index, before.name, num_absent=num_absent, colors=colors)
     mixed = replace(before, values=values, num_absent=num_absent, colors=colors)
-    return replace(mixed, digest=made.digest, source=None)
+    return replace(mixed, digest=made.digest, source=None, is_on_disk=False)
 
 
 def _between(before: Array, after: Array, share: float) -> Float64:
@@ -170,20 +170,21 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     mapped = _file_of(image) if stays_mapped(image.values.nbytes) else None
     if mapped is not None:
         guard_mapping(mapped, image.values)
-    image = replace(image, values=_native_contiguous(image.values))
+    values = _native_contiguous(image.values)
+    image = replace(image, values=values, is_on_disk=image.is_on_disk and np.may_share_memory(values, image.values))
     file = _file_of(image)
     elsewhere = _fill_values_in_time(spec, image) if spec.nodata == "auto" else ()
     values, num_absent, note = mark_absent(image.values, file, spec.nodata, image.nodata, first, elsewhere)
     if mapped is not None:  # also a copy is checked, as its file may have become shorter meanwhile
         mapped.require_unchanged()
-    file = file if values is image.values else None
+    file, is_on_disk = (file, image.is_on_disk) if values is image.values else (None, False)
     check_integer_resolution(values, file)
     made = make_volume(values, image.world_from_index, name, file, num_absent=num_absent, colors=colors)
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
     finest_share = min(spacing_of(_finest_affine(image))) / min(spacing_of(image.world_from_index))
-    named = replace(named, levels=image.levels, finest_share=finest_share)
+    named = replace(named, levels=image.levels, finest_share=finest_share, is_on_disk=is_on_disk)
     is_guessed = not image.has_lengths or any((each or "").startswith(GUESSED_LENGTHS) for each in image.notes)
     named = replace(named, has_lengths=replaced is not None or not is_guessed)
     # The scene's spacing may be in any unit. If it differs from the file's, the file's unit is not kept.
@@ -274,7 +275,7 @@ def _part(spec: VolumeSpec, place: Path | str, blocks: Blocks | None) -> Image:
     wanted = _wanted(spec, 0 if spec.time == "auto" else time)
     read = partial(read_isolated, "renderer.readers.store:read_store", place, on_disk=True, **wanted)
     request = _part_request(spec, place, wanted)
-    part = _RECENT_IMAGES.find(request) or _RECENT_IMAGES.keep(request, read(blocks=()))
+    part = _RECENT_IMAGES.get(request, lambda: read_plan(read, place, wanted))
     if blocks is None or has_blocks(part, blocks):
         return part
     whole = _RECENT_IMAGES.find(_level_request(spec, place, "store", wanted)) or find_kept(part, place, wanted)
@@ -409,7 +410,6 @@ def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None)
     wanted = _wanted(spec, time)
     if form == "hdf5":
         wanted["has_spacing_override"] = _has_spacing(spec)
-
     reader = f"renderer.readers.{form}:read_{form}"
     read = partial(read_isolated, reader, place, on_disk=True, **wanted, most_bytes=most_level_bytes())
     request = _level_request(spec, place, form, wanted)

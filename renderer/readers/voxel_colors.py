@@ -55,7 +55,8 @@ def join_colors(first: Image, component: str, read: Callable[[int], Image]) -> t
         scalars = scalars.astype(np.uint8, copy=False)
     note = None if is_byte else f"colours of {first.values.dtype.name} become 8 bits: {white} is 255"
     units = first.units._replace(value_unit="")
-    return replace(first, values=scalars, notes=(*first.notes, note), nodata=(), units=units), colors
+    joined = replace(first, values=scalars, notes=(*first.notes, note), nodata=(), units=units, is_on_disk=False)
+    return joined, colors
 
 
 def _white_of(parts: list[Array]) -> int:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cache, partial
 
 from renderer.errors import Problem
-from renderer.readers import ReadVolume
+from renderer.readers import ReadVolume, looking_once
 from renderer.resolve.open_labels import with_labels, with_numbers
 from renderer.resolve.percentile_values import with_values
 from renderer.resolve.store_levels import with_levels
@@ -37,7 +37,8 @@ def resolve_scene(scene: AnyScene, read: ReadVolume) -> AnyScene:
     value.
     """
     resolve = partial(_resolved, read=read)
-    return with_levels(scene, lambda each: each.changed(resolve)).changed(resolve)
+    with looking_once():
+        return with_levels(scene, lambda each: each.changed(resolve)).changed(resolve)
 
 
 def _resolved(scene: Scene, read: ReadVolume) -> Scene:

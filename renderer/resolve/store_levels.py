@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from renderer.accuracy import MOST_DB, asked_psnr, psnr, squared_error
+from renderer.accuracy import MOST_DB, ErrorSamples, asked_psnr, psnr, squared_error
 from renderer.cache import NOT_KEPT, KeptArrays, numbers_from_array, numbers_to_array
 from renderer.frame import FilmStage, prepare_stage
 from renderer.readers import most_level_bytes, read_part, read_volume, state_of_store
@@ -123,9 +123,9 @@ def _key(volume: VolumeSpec) -> Hashable:
 def _open_store(volume: VolumeSpec) -> _OpenStore | None:
     """Return the store of a volume; None for a volume in another file, and for a store of one level."""
     image = read_part(replace(volume, level=0), None)
-    if image is None or len(image.levels) < 2:
+    if image is None or image.box is None or len(image.levels) < 2:
         return None
-    share = image.values.size / math.prod(image.levels[0].shape)
+    share = math.prod(end - begin for begin, end in image.box) / math.prod(image.levels[0].shape)
     sizes = [round(share * level.num_bytes) for level in image.levels]
     return _OpenStore(_key(volume), sizes, [max(level.shape) for level in image.levels])
 
@@ -162,9 +162,12 @@ def _measured_choice(store: _OpenStore, film: FilmStage, numbers: Sequence[int],
     for number in numbers:
         if number == 0:
             break
-        samples = errors.error_of(partial(_read_level, number))
-        error = samples.mean + _MARGIN * samples.deviation
-        is_exact = error <= _SHARE_OF_ERROR * squared_error(asked)
+        read, most = partial(_read_level, number), _SHARE_OF_ERROR * squared_error(asked)
+        samples = errors.error_of(read)
+        if samples.mean <= most < _with_margin(samples) and errors.use_more_rays():
+            samples = errors.error_of(read)
+        error = _with_margin(samples)
+        is_exact = error <= most
         if is_exact or number == last:
             why = "the coarsest that is exact enough" if is_exact else f"the finest that {_FITS}"
             least = min(psnr(error), MOST_DB)
@@ -175,6 +178,11 @@ def _measured_choice(store: _OpenStore, film: FilmStage, numbers: Sequence[int],
     return _choice(store, 0, asked, "the finest, as no coarser one is exact enough")._replace(
         num_measured=errors.num_bytes
     )
+
+
+def _with_margin(samples: ErrorSamples) -> float:
+    """Return an error that is larger than the true one in most cases."""
+    return samples.mean + _MARGIN * samples.deviation
 
 
 def _unmeasured(store: _OpenStore, film: FilmStage) -> str | None:

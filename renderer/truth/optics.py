@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.kernels import Intervals, LayerOptics, LightGrid, PlacedVoxels, RayShading
 from renderer.scene import FACE_DEPTH, ClipSpec, ShadingSpec
@@ -51,7 +50,7 @@ def optics_of(layer: TrueLayer) -> LayerOptics:
     intervals, spec = intervals_of(layer.transfer, scale), layer.shading
     return LayerOptics(
         voxels=voxels_of(layer.volume),
-        macrocells=for_macrocells(layer.volume, np.uint8(0)),
+        macrocells=np.zeros(macrocell_counts(layer.volume), np.uint8),
         intervals=intervals,
         shading=None if spec is None else shading_of(spec, layer.light_grid, layer.volume, scale),
         weight=layer.weight,
@@ -67,9 +66,9 @@ def _label_opacities(intervals: Intervals, finest_spacing: float) -> Float64:
     return np.asarray(-np.expm1(-(rows[:, 3] + rows[:, 7] * (numbers - rows[:, 8])) * finest_spacing))
 
 
-def for_macrocells(volume: Volume, unknown: Any) -> npt.NDArray[Any]:
-    """Return an array with one element for each macrocell of a volume, each with the value `unknown`."""
-    return np.full([num // _MACROCELL_SIZE + 1 for num in volume.values.shape], unknown)
+def macrocell_counts(volume: Volume) -> list[int]:
+    """Return the numbers of macrocells of a volume along z, y, x."""
+    return [num // _MACROCELL_SIZE + 1 for num in volume.values.shape]
 
 
 def voxels_of(volume: Volume) -> PlacedVoxels:

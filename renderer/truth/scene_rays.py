@@ -12,7 +12,7 @@ from renderer.kernels import kernels
 from renderer.layers import Layer
 from renderer.transfer import TransferFunction
 from renderer.truth.integrator import Convergence, Progress, RayIntegrator, ignore, in_parts, index_rays
-from renderer.truth.optics import TrueLayer, for_macrocells, largest_magnitude_scale, voxels_of
+from renderer.truth.optics import TrueLayer, largest_magnitude_scale, macrocell_counts, voxels_of
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
@@ -111,7 +111,7 @@ class ExtremeSearch:
         first, last = (end * self._scale for end in projection.color_range)
         self._search = kernels().search_rays.partial(
             voxels=voxels_of(volume),
-            tops=for_macrocells(volume, np.nan),
+            tops=np.full(macrocell_counts(volume), np.nan),
             sign=self._sign,
             least_rise=_LEAST_RISE * (last - first) if by_depth else 0.0,
         )

@@ -51,6 +51,7 @@ class Volume:
         or their alpha.
     levels: the levels of the volume's store, from the finest to the coarsest; empty for any other file.
     finest_share: the finest spacing of the store's finest level, as a share of this level's finest spacing.
+    is_on_disk: whether the values were decoded into a file: a temporary one, or one of the cache folder.
     voxels: the voxels for exact rays, if only some blocks of a level were read: `values` are then zeros, which take no
         memory and are not used. None if `values` are the voxels.
     """
@@ -77,6 +78,7 @@ class Volume:
     value_unit: str = ""
     levels: tuple[VolumeLevel, ...] = ()
     finest_share: float = 1.0
+    is_on_disk: bool = False
     voxels: PlacedVoxels | None = None
 
     @property

@@ -20,7 +20,17 @@ from renderer.draw import open_rasterizer
 from renderer.frame import prepare_stage, render_frames
 from renderer.kernels import PlacedVoxels
 from renderer.layers import number_labels
-from renderer.readers import Blocks, RecentImages, read_part, read_volume
+from renderer.readers import (
+    Blocks,
+    Image,
+    RecentImages,
+    find_marks,
+    looking_once,
+    read_isolated,
+    read_part,
+    read_volume,
+    state_of_store,
+)
 from renderer.resolve import resolve_scene
 from renderer.scene import FileSource, FilmScene, LevelChoice, VolumeSpec, parse_scene, with_tolerance
 from renderer.volume import Array, make_volume
@@ -184,3 +194,42 @@ def test_a_part_may_lack_labels_of_the_whole_volume() -> None:
     numbered = number_labels(replace(volume, voxels=part), [2, 7])
     assert numbered.voxels is not None
     np.testing.assert_array_equal(numbered.voxels.values, [0, 2, 2])
+
+
+@pytest.mark.parametrize("store", [False], indirect=True)
+def test_a_film_of_another_camera_reads_blocks_alone(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All blocks are read at once, and the same film reads nothing. A choice looks at the files of the store once."""
+    reads, looks = list[Any](), list[Path]()
+    look = find_marks
+
+    def counted_read(*arguments: Any, **options: Any) -> Image:
+        reads.append(options.get("blocks"))
+        return read_isolated(*arguments, **options)
+
+    def counted_look(place: Path) -> str:
+        looks.append(place)
+        return look(place)
+
+    monkeypatch.setattr("renderer.readers.volume_reading.read_isolated", counted_read)
+    monkeypatch.setattr("renderer.readers.kept_levels.find_marks", counted_look)
+    with caching_in(tmp_path / "cache"):
+        assert chosen(scene_of(store)).number > 0 and () in reads
+        for scene, num_reads in ((scene_of(store), 0), (scene_of(store, -50), 1)):
+            reads.clear()
+            looks.clear()
+            monkeypatch.setattr("renderer.readers.volume_reading._RECENT_IMAGES", RecentImages(lambda _: 1e9))
+            resolve_scene(scene, read_volume)
+            assert len(reads) == num_reads and all(reads) and looks == [store]
+
+
+def test_a_store_is_looked_at_again_after_a_choice(store: Path) -> None:
+    spec = VolumeSpec(FileSource(store), level=0)
+    with looking_once():
+        before = state_of_store(spec)
+        (store / "more").write_bytes(b"")
+        with looking_once():
+            assert state_of_store(spec) != before
+        assert state_of_store(spec) == before
+    assert state_of_store(spec) != before

@@ -15,11 +15,11 @@ from store_files import halves, scaled, write_ome
 
 from hsplat_cli.commands.check import check
 from hsplat_cli.commands.render import render
-from renderer.accuracy import TRUTH_TOLERANCE, compute_truth, psnr
+from renderer.accuracy import TRUTH_TOLERANCE, ErrorSamples, compute_truth, psnr
 from renderer.cache import caching_in
 from renderer.frame import FilmStage, prepare_stage, view_of
 from renderer.readers import Blocks, read_part, read_volume
-from renderer.resolve import LevelErrors, resolve_scene
+from renderer.resolve import LevelErrors, mean_around, resolve_scene
 from renderer.scene import FileSource, FilmScene, LevelChoice, VolumeSpec, parse_scene, scene_to_dict, with_tolerance
 from renderer.stores import Store
 from renderer.truth import SceneRays, pixel_centres
@@ -198,6 +198,47 @@ def test_a_kept_choice_takes_no_measurement(tmp_path: Path, monkeypatch: pytest.
         chunk = next(path for path in (tmp_path / "a" / "0").rglob("*") if path.is_file() and path.name.startswith("0"))
         chunk.write_bytes(chunk.read_bytes())
         assert is_measured(scene)
+
+
+@pytest.mark.usefixtures("one_process")
+def test_an_error_near_the_allowed_one_is_measured_by_more_rays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once, and each chunk is read once. An error above the allowed one leads to a finer level at once."""
+    scene = scene_of(write_store(tmp_path / "a", smooth()), frames=1)
+    most, found, reads = 0.5 * 10**-4.0, list[ErrorSamples](), _Reads(monkeypatch)
+    original = LevelErrors.error_of
+    monkeypatch.setattr("renderer.resolve.level_errors._NUM_CELLS", 2)
+
+    def choice_if(means: Sequence[float]) -> LevelChoice:
+        """Return the choice if these are the means of errors, each with a deviation of half the allowed error."""
+        found.clear()
+
+        def error_of(errors: LevelErrors, volume_of: Callable[[VolumeSpec], Volume]) -> ErrorSamples:
+            num = original(errors, volume_of).num
+            found.append(ErrorSamples(num, most * means[len(found)], num * (0.5 * most) ** 2, most))
+            return found[-1]
+
+        monkeypatch.setattr(LevelErrors, "error_of", error_of)
+        return choice_of(scene)
+
+    assert choice_if([2.0, 0.2]).number == 1 and [each.num for each in found] == [2, 2]
+    few = reads.num_voxels(0)
+    assert choice_if([2.0, 0.5, 0.2]).number == 1 and [each.num for each in found] == [2, 2, 15]
+    assert choice_if([0.5, 0.5, 0.5]).number == 0 and [each.num for each in found] == [2, 15, 15]
+    read = np.zeros([SIDE] * 3, np.int64)
+    for box in reads.boxes[0]:
+        read[box] += 1
+    assert read.max() == 1 and reads.num_voxels(0) > few
+
+
+def test_rays_go_to_cells_beside_those_with_errors() -> None:
+    """One ray through a cell of fine detail may find no difference of two levels, and rays beside it do."""
+    one = np.zeros((9, 9))
+    one[0, 4] = 9.0
+    expected = np.zeros((9, 9))
+    expected[:2, 3:6] = [[2.0] * 3, [1.0] * 3]  # the cells at the border are repeated beyond it
+    np.testing.assert_allclose(mean_around(one), expected)
 
 
 @pytest.mark.usefixtures("one_process")

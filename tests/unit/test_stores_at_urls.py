@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -238,6 +239,18 @@ def test_info_adds_the_sizes_of_files(tmp_path: Path) -> None:
     size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
     shown = CliRunner().invoke(info, [str(folder)]).output
     assert f"  stored       {size} bytes\n" in shown
+
+
+@pytest.mark.parametrize("has_absent", [False, True])
+def test_info_says_where_voxels_of_a_store_are(tmp_path: Path, *, has_absent: bool) -> None:
+    """They are decoded into a file on disk, unless voxels without data are marked in a copy of them."""
+    values = np.ones((2, 3, 4), np.float32)
+    values[0] = np.nan if has_absent else 0.0
+    folder = write_ome(tmp_path / "a", [values], PLACES[:1])
+    place = " in memory" if has_absent else ", decoded into a file on disk"
+    assert f"  type         float32, 96 bytes{place}\n" in CliRunner().invoke(info, [str(folder)]).stdout
+    told = json.loads(CliRunner().invoke(info, [str(folder), "--json"]).stdout)
+    assert (told["decoded_on_disk"], told["stays_in_file"]) == (not has_absent, False)
 
 
 def test_metadata_of_a_local_store_reach_no_server(tmp_path: Path, server: ServedFolder) -> None:
