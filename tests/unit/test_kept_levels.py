@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pytest
-from store_files import field, halves, scaled, write_ome
-from store_server import served_folder
+from commands import environment
+from processes import wait_until
+from store_files import field, halves, scaled, write_array, write_ome
+from store_server import STALL, ServedFolder, served_folder
 from volume_files import read
 
 from renderer.cache import caching_in
@@ -74,3 +80,110 @@ def test_chunks_of_a_server_are_requested_once(store: Path, cache: Path) -> None
     np.testing.assert_array_equal(first.values, second.values)
     assert chunks and len(set(chunks)) == len(chunks)
     assert facts(first) == facts(replace(second, name=first.name))
+
+
+# The voxels along z, y and x of a level that is read in three pieces of four chunks each.
+LARGE = (192, 1024, 1024)
+CHUNKS = (64, 512, 512)
+
+# Reads a level into a cache folder, and prints its sum, or the sentence that it waits.
+_READ = """
+import sys
+from pathlib import Path
+from renderer.cache import caching_in
+from renderer.readers import read_volume
+from renderer.scene import UrlSource, VolumeSpec
+url, cache = sys.argv[1:]
+with caching_in(Path(cache), lambda text: print(text, flush=True)):
+    print(read_volume(VolumeSpec(UrlSource(url), level=0)).values.sum(), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def large(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedFolder]:
+    """Serve a level of three pieces, of which each plane has another value."""
+    folder = tmp_path_factory.mktemp("large")
+    values = np.broadcast_to(np.arange(1, LARGE[0] + 1, dtype=np.uint8)[:, None, None], LARGE)
+    codecs = [{"name": "bytes"}, {"name": "zstd", "configuration": {"level": 1}}]
+    write_array(folder / "a", values, version=3, chunks=CHUNKS, codecs=codecs)
+    with served_folder(folder) as server:
+        yield server
+
+
+@contextmanager
+def _reading(server: ServedFolder, cache: Path) -> Iterator[subprocess.Popen[str]]:
+    """Run another process that reads the level."""
+    command = [sys.executable, "-c", _READ, f"{server.url}/a", str(cache)]
+    with subprocess.Popen(command, env=environment(), text=True, stdout=subprocess.PIPE) as process:
+        yield process
+        process.kill()
+
+
+def _sum_by(process: subprocess.Popen[str]) -> int:
+    return int(process.communicate()[0].split()[-1])
+
+
+def _asked(server: ServedFolder) -> list[str]:
+    """Return the chunks that were asked for since the last call, by the numbers along z, y and x."""
+    found = sorted(path.partition("/c/")[2] for path in server.asked if "/c/" in path)
+    server.asked.clear()
+    return found
+
+
+PIECES = [[f"{z}/{y}/{x}" for y in range(2) for x in range(2)] for z in range(3)]
+SUM = LARGE[1] * LARGE[2] * LARGE[0] * (LARGE[0] + 1) // 2
+
+
+def _kill_in_last_piece(server: ServedFolder, cache: Path) -> Path:
+    """Kill a process that has read two of three pieces. Return the folder that it leaves."""
+    server.faults = {"c/2/1/1": [STALL]}
+    with _reading(server, cache) as process:
+        assert wait_until(lambda: sum(file.read_bytes().count(b"]\n") for file in cache.glob("*/pieces.txt")) == 2, 60)
+        assert wait_until(lambda: any(path.endswith("c/2/1/1") for path in server.asked), 60)
+        process.kill()
+    server.faults = {}
+    assert _asked(server) == sorted(chain(*PIECES))
+    (left,) = cache.glob("making-level-*/")
+    return left
+
+
+def test_a_killed_process_loses_no_piece(large: ServedFolder, tmp_path: Path) -> None:
+    left = _kill_in_last_piece(large, tmp_path)
+    with _reading(large, tmp_path) as process:
+        assert _sum_by(process) == SUM
+    assert _asked(large) == PIECES[2] and not left.exists()
+    (entry,) = tmp_path.glob("level-*")
+    assert sorted(file.name for file in entry.iterdir()) == ["answer.npy", "voxels.npy"]
+    with _reading(large, tmp_path) as process:
+        assert _sum_by(process) == SUM
+    assert _asked(large) == []
+
+
+def test_pieces_that_did_not_reach_the_disk_are_read_again(large: ServedFolder, tmp_path: Path) -> None:
+    """A power failure leaves zeros in a piece, or half a line of the journal."""
+    left = _kill_in_last_piece(large, tmp_path)
+    with (left / "voxels.npy").open("r+b") as file:
+        file.seek(1 << 20)
+        file.write(bytes(4096))
+    with (left / "pieces.txt").open("ab") as file:
+        file.write(b'["half')
+    with _reading(large, tmp_path) as process:
+        assert _sum_by(process) == SUM
+    assert _asked(large) == sorted(PIECES[0] + PIECES[2])
+
+
+def test_two_processes_read_a_level_once(large: ServedFolder, tmp_path: Path) -> None:
+    """One waits, and says so, until the other one has read the level, or is killed, and goes on where it was."""
+    large.faults = {"c/2/1/1": [STALL]}
+    with _reading(large, tmp_path) as first:
+        assert wait_until(lambda: any(path.endswith("c/2/1/1") for path in large.asked), 60)
+        with _reading(large, tmp_path) as second:
+            assert second.stdout is not None and second.stdout.readline().startswith("another process reads")
+            first.kill()
+            assert _sum_by(second) == SUM
+    assert len(_asked(large)) <= len(PIECES) * 4 + 2 * 4
+    large.faults = {}
+    shutil.rmtree(next(tmp_path.glob("level-*")))
+    with _reading(large, tmp_path) as first, _reading(large, tmp_path) as second:
+        assert _sum_by(first) == _sum_by(second) == SUM
+    assert _asked(large) == sorted(chain(*PIECES))
