@@ -86,16 +86,22 @@ def test_chunks_of_a_server_are_requested_once(store: Path, cache: Path) -> None
 LARGE = (192, 1024, 1024)
 CHUNKS = (64, 512, 512)
 
-# Reads a level into a cache folder, and prints its sum, or the sentence that it waits.
+# Reads a level into a cache folder, whole or as blocks, and prints its sum, or the sentence that it waits.
 _READ = """
 import sys
 from pathlib import Path
 from renderer.cache import caching_in
-from renderer.readers import read_volume
+from renderer.readers import Blocks, read_part, read_volume
 from renderer.scene import UrlSource, VolumeSpec
-url, cache = sys.argv[1:]
+url, cache, *in_blocks = sys.argv[1:]
+spec = VolumeSpec(UrlSource(url), level=0)
 with caching_in(Path(cache), lambda text: print(text, flush=True)):
-    print(read_volume(VolumeSpec(UrlSource(url), level=0)).values.sum(), flush=True)
+    if in_blocks:
+        blocks = Blocks.of_level(read_part(spec, None).levels[0])
+        blocks.wanted[:] = True
+        print(read_part(spec, blocks).values.sum(), flush=True)
+    else:
+        print(read_volume(spec).values.sum(), flush=True)
 """
 
 
@@ -111,9 +117,9 @@ def large(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedFolder]:
 
 
 @contextmanager
-def _reading(server: ServedFolder, cache: Path) -> Iterator[subprocess.Popen[str]]:
-    """Run another process that reads the level."""
-    command = [sys.executable, "-c", _READ, f"{server.url}/a", str(cache)]
+def _reading(server: ServedFolder, cache: Path, *in_blocks: str) -> Iterator[subprocess.Popen[str]]:
+    """Run another process that reads the level, whole or as blocks."""
+    command = [sys.executable, "-c", _READ, f"{server.url}/a", str(cache), *in_blocks]
     with subprocess.Popen(command, env=environment(), text=True, stdout=subprocess.PIPE) as process:
         yield process
         process.kill()
@@ -134,21 +140,29 @@ PIECES = [[f"{z}/{y}/{x}" for y in range(2) for x in range(2)] for z in range(3)
 SUM = LARGE[1] * LARGE[2] * LARGE[0] * (LARGE[0] + 1) // 2
 
 
-def _kill_in_last_piece(server: ServedFolder, cache: Path) -> Path:
-    """Kill a process that has read two of three pieces. Return the folder that it leaves."""
-    server.faults = {"c/2/1/1": [STALL]}
-    with _reading(server, cache) as process:
-        assert wait_until(lambda: sum(file.read_bytes().count(b"]\n") for file in cache.glob("*/pieces.txt")) == 2, 60)
-        assert wait_until(lambda: any(path.endswith("c/2/1/1") for path in server.asked), 60)
+def _num_finished(cache: Path) -> int:
+    """Return the number of pieces that journals in the cache folder have."""
+    return sum(file.read_bytes().count(b"]\n") for file in cache.glob("*/pieces.txt"))
+
+
+def _kill_at(chunk: str, num: int, server: ServedFolder, cache: Path, *in_blocks: str) -> Path:
+    """Kill a process that has read some pieces and waits for a chunk. Return the folder that it leaves.
+
+    num: the number of pieces that can be read without the chunk.
+    """
+    server.faults = {f"c/{chunk}": [STALL]}
+    with _reading(server, cache, *in_blocks) as process:
+        assert wait_until(lambda: _num_finished(cache) == num, 60)
+        assert wait_until(lambda: sum("/c/" in path for path in server.asked) == len([*chain(*PIECES)]), 60)
         process.kill()
     server.faults = {}
     assert _asked(server) == sorted(chain(*PIECES))
-    (left,) = cache.glob("making-level-*/")
+    (left,) = cache.glob("making-*/")
     return left
 
 
 def test_a_killed_process_loses_no_piece(large: ServedFolder, tmp_path: Path) -> None:
-    left = _kill_in_last_piece(large, tmp_path)
+    left = _kill_at("2/1/1", 2, large, tmp_path)
     with _reading(large, tmp_path) as process:
         assert _sum_by(process) == SUM
     assert _asked(large) == PIECES[2] and not left.exists()
@@ -159,9 +173,21 @@ def test_a_killed_process_loses_no_piece(large: ServedFolder, tmp_path: Path) ->
     assert _asked(large) == []
 
 
+def test_a_killed_process_loses_no_block(large: ServedFolder, tmp_path: Path) -> None:
+    """Blocks by which levels are compared are pieces, too."""
+    left = _kill_at("0/0/1", 11, large, tmp_path, "in blocks")
+    for asked in (["0/0/1"], []):
+        with _reading(large, tmp_path, "in blocks") as process:
+            assert _sum_by(process) == SUM
+        assert _asked(large) == asked and not left.exists()
+    with _reading(large, tmp_path) as process:
+        assert _sum_by(process) == SUM
+    assert _asked(large) == []
+
+
 def test_pieces_that_did_not_reach_the_disk_are_read_again(large: ServedFolder, tmp_path: Path) -> None:
     """A power failure leaves zeros in a piece, or half a line of the journal."""
-    left = _kill_in_last_piece(large, tmp_path)
+    left = _kill_at("2/1/1", 2, large, tmp_path)
     with (left / "voxels.npy").open("r+b") as file:
         file.seek(1 << 20)
         file.write(bytes(4096))
