@@ -64,6 +64,13 @@ def test_a_changed_store_is_read_again(store: Path, cache: Path) -> None:
     assert len(list(cache.glob("level-*"))) == 2
 
 
+def test_passes_over_a_new_entry_are_kept(store: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Entries stay as they are, so that it does not matter that their files were written a moment ago."""
+    monkeypatch.setattr("renderer.readers.voxel_limits._MIN_MAPPED_BYTES", 1)
+    assert read(store, level=0).fingerprint
+    assert len(list(cache.glob("fingerprint-*"))) == 1
+
+
 @pytest.mark.parametrize("content", [b"", b"damaged"])
 def test_a_damaged_entry_is_made_again(store: Path, cache: Path, content: bytes) -> None:
     read(store, level=0)
