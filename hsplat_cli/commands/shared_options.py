@@ -22,8 +22,12 @@ _SCENE = click.argument("scene", type=FILE)
 
 def _use_cache(context: click.Context, _parameter: click.Parameter, folder: Path | None) -> None:
     """Let the process keep what it makes of volumes in a folder, until the command ends."""
+
+    def tell(text: str) -> None:
+        (context.params.get("reporter") or Reporter()).status(text)
+
     if folder is not None:
-        context.with_resource(cache.caching_in(folder))
+        context.with_resource(cache.caching_in(folder, tell))
 
 
 cache_option = click.option(

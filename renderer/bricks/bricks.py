@@ -145,15 +145,17 @@ def make_bricks(
     with any transfer function, if they are known. Raises InputError if the volume's file was changed.
     """
     options |= {"light_grid": light_grid}
-    arrays = kept.find()
-    if arrays is not None:
-        pyramid = restore_pyramid(arrays, volume, transfer, **options)
-        levels, are_cut, ranges = _restored_levels(arrays), arrays.get("are_cut"), arrays["ranges"]
-    else:
-        options |= {"ranges": ranges}
-        pyramid, levels, are_cut, ranges = _build(volume, transfer, options, num_threads, has_lit_labels=has_lit_labels)
-        masked = {} if are_cut is None else {"are_cut": are_cut}
-        kept.keep(pyramid_arrays(pyramid) | _level_arrays(levels) | {"ranges": ranges} | masked)
+    with kept.making() as arrays:
+        if arrays is not None:
+            pyramid = restore_pyramid(arrays, volume, transfer, **options)
+            levels, are_cut, ranges = _restored_levels(arrays), arrays.get("are_cut"), arrays["ranges"]
+        else:
+            options |= {"ranges": ranges}
+            pyramid, levels, are_cut, ranges = _build(
+                volume, transfer, options, num_threads, has_lit_labels=has_lit_labels
+            )
+            masked = {} if are_cut is None else {"are_cut": are_cut}
+            kept.keep(pyramid_arrays(pyramid) | _level_arrays(levels) | {"ranges": ranges} | masked)
     volume_range = volume.value_range()
     scalar_range = _scalar_range(transfer, *volume_range)
     pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,6 +57,19 @@ class KeptArrays:
         for array in found.values():
             array.flags.writeable = False
         return found
+
+    @contextmanager
+    def making(self) -> Iterator[Mapping[str, Array] | None]:
+        """Yield the arrays, as `find` returns them; or None, for a block that makes and keeps them.
+
+        While another process or thread is in such a block, this one waits, and finds its arrays.
+        """
+        found = self.find()
+        if found is not None or self.folder is None:
+            yield found
+            return
+        with self.folder.alone(self.kind, self.facts):
+            yield self.find()
 
     def keep(self, arrays: Mapping[str, Array]) -> None:
         """Keep arrays under their names, which are names of files."""

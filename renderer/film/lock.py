@@ -6,13 +6,9 @@ A lock ends with its process, even if that is killed.
 from __future__ import annotations
 
 import contextlib
-import errno
-import fcntl
 import os
 import re
 import stat
-import struct
-import sys
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -22,6 +18,7 @@ from renderer.film.atomic import remove_temporaries, require_writable, sync_to_d
 from renderer.film.names import frame_path, unfinished_folder
 from renderer.film.runs import consecutive_ranges
 from renderer.scene import OutputSpec, place_of
+from renderer.system import is_path_of, lock_bytes, unlock_bytes
 
 # The name of the lock file in a folder for unfinished work.
 _LOCK_FILE = "lock"
@@ -34,12 +31,6 @@ _MAX_OWNER_BYTES = 200
 _GATE_BYTE = 0
 # The position of the byte in a lock file that is slot 0, the lock of frame 0. Each further slot is the next byte.
 _FIRST_SLOT_BYTE = 1
-# The command of `fcntl` that sets a lock. Locks of an open file (OFD) exclude other threads of this process, too, as
-# each thread opens the file itself. On systems without OFD locks, POSIX locks are used, which belong to the process.
-# Both kinds work over NFS, and on bytes beyond the end of the file.
-_SET_LOCK = getattr(fcntl, "F_OFD_SETLK", fcntl.F_SETLK)
-# The command of `fcntl` that waits for a lock, and sets it.
-_WAIT_FOR_LOCK = getattr(fcntl, "F_OFD_SETLKW", fcntl.F_SETLKW)
 
 
 @contextlib.contextmanager
@@ -167,8 +158,8 @@ def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
         with contextlib.suppress(FileNotFoundError), contextlib.ExitStack() as stack:
             descriptor = _open(file)
             stack.callback(os.close, descriptor)
-            _lock(descriptor, _GATE_BYTE, 1, wait=True)
-            if _is_there(file, descriptor):
+            lock_bytes(descriptor, _GATE_BYTE, 1, wait=True)
+            if is_path_of(file, descriptor):
                 stack.pop_all()
                 return descriptor
 
@@ -215,7 +206,7 @@ def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
 def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
     """Lock slots of an open lock file, and unlock its gate. Raises OutputLockedError if another job holds a slot."""
     for start, stop in consecutive_ranges(slots):
-        if _lock(descriptor, _FIRST_SLOT_BYTE + start, stop - start) is False:
+        if lock_bytes(descriptor, _FIRST_SLOT_BYTE + start, stop - start) is False:
             raise OutputLockedError(
                 "another job is writing this output",
                 where=str(output),
@@ -223,7 +214,7 @@ def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
                 hint="wait until it has finished, or choose another output",
             )
     _write_owner(descriptor)
-    _unlock(descriptor, _GATE_BYTE, 1)
+    unlock_bytes(descriptor, _GATE_BYTE, 1)
 
 
 def _write_owner(descriptor: int) -> None:
@@ -237,9 +228,9 @@ def _write_owner(descriptor: int) -> None:
 def _release_slots(file: Path, descriptor: int, *, owns_folder: bool) -> None:
     """Unlock the slots. The last job removes temporary files, the lock file, and the folder if it is empty."""
     try:
-        _lock(descriptor, _GATE_BYTE, 1, wait=True)
-        is_last = _lock(descriptor, _GATE_BYTE, 0)
-        if is_last is False or (is_last and not _is_there(file, descriptor)):
+        lock_bytes(descriptor, _GATE_BYTE, 1, wait=True)
+        is_last = lock_bytes(descriptor, _GATE_BYTE, 0)
+        if is_last is False or (is_last and not is_path_of(file, descriptor)):
             return
         if is_last and owns_folder:  # without locks, `is_last` is None, as there may be other jobs
             remove_temporaries(file.parent)
@@ -251,40 +242,6 @@ def _release_slots(file: Path, descriptor: int, *, owns_folder: bool) -> None:
     except OSError:  # the folder is not empty, or has vanished
         pass
     finally:
-        _unlock(descriptor, _GATE_BYTE, 0)  # closing is not enough: a child that just starts may share the open file
+        # Closing is not enough: a child that just starts may share the open file.
+        unlock_bytes(descriptor, _GATE_BYTE, 0)
         os.close(descriptor)
-
-
-def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bool | None:
-    """Lock a range of bytes, and return whether it is locked, or None if the file system has no locks.
-
-    length: 0 stands for all bytes from the first on. The range is not locked if another job holds one of its bytes.
-    """
-    try:
-        fcntl.fcntl(descriptor, _WAIT_FOR_LOCK if wait else _SET_LOCK, _flock(fcntl.F_WRLCK, first, length))
-    except OSError as error:
-        if error.errno in (errno.EACCES, errno.EAGAIN):
-            return False
-        if error.errno not in (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL):
-            raise
-        return None
-    return True
-
-
-def _unlock(descriptor: int, first: int, length: int) -> None:
-    with contextlib.suppress(OSError):  # the file system may have no locks
-        fcntl.fcntl(descriptor, _SET_LOCK, _flock(fcntl.F_UNLCK, first, length))
-
-
-def _flock(kind: int, first: int, length: int) -> bytes:
-    """Return C's `struct flock` for a range of bytes, counted from the start of the file."""
-    if sys.platform == "darwin":
-        return struct.pack("qqihh", first, length, 0, kind, os.SEEK_SET)
-    return struct.pack("hhqqi", kind, os.SEEK_SET, first, length, 0)
-
-
-def _is_there(file: Path, descriptor: int) -> bool:
-    try:
-        return os.path.samestat(file.stat(follow_symlinks=False), os.fstat(descriptor))
-    except FileNotFoundError:
-        return False

@@ -75,14 +75,15 @@ def compute_light_grid(
     Raises InputError if the volume's file was changed.
     """
     level = max(0, (-(-max(volume.shape_xyz) // max_cells) - 1).bit_length())
-    factors = kept.find()
-    if factors is None:
-        with ThreadPool(num_threads) as threads:
-            depths = _mean_depths(volume, transfer, level, ranges, threads)
-            if are_removed is not None:
-                _remove(depths, volume, level, are_removed)
-            factors = _factors(volume, depths, shading, level, threads)
-        kept.keep(factors)
+    with kept.making() as found:
+        factors = found
+        if factors is None:
+            with ThreadPool(num_threads) as threads:
+                depths = _mean_depths(volume, transfer, level, ranges, threads)
+                if are_removed is not None:
+                    _remove(depths, volume, level, are_removed)
+                factors = _factors(volume, depths, shading, level, threads)
+            kept.keep(factors)
     strengths = float(shading.occlusion), float(shading.shadow)
     return make_light_grid(factors.get("occlusion"), factors.get("shadow"), float(1 << level), strengths)
 

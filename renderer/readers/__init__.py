@@ -35,7 +35,7 @@ Formats that are parsed in Python:
 
 Formats that a library parses, in a child process:
 
-- `isolation.py`: the child process with its limits
+- `isolation.py`: the child process with its limits; `piece_journal.py`: what a process read before it was ended
 - `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py` (VTK), `hdf5.py` (h5py), `pictures.py` (Pillow): a
   file for each format
 - `store.py` (tensorstore): an image in levels, by the room `stores`

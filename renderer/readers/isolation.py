@@ -31,6 +31,7 @@ import numpy.typing as npt
 from renderer.errors import InputError, RenderError
 from renderer.readers.file_errors import errors_about
 from renderer.readers.image import Image
+from renderer.readers.piece_journal import PieceJournal
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import units_of
 from renderer.readers.voxel_limits import check_dtype, check_memory, check_size
@@ -65,6 +66,8 @@ _PLAIN_FIELDS = ("notes", "nodata", "steps", "units", "levels", "box", "marks")
 _VOXELS = "voxels"
 # The name of the answer of the child, as bytes of JSON, in an entry of the cache folder.
 _ANSWER = "answer"
+# The name of the journal of the pieces that were read into an entry of the cache folder that is not whole yet.
+_JOURNAL = "pieces.txt"
 
 
 def allocate_voxels(host: Host, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
@@ -80,7 +83,8 @@ def read_isolated(
 
     reader: the function, as `module:function`; its arguments are the path, `arguments`, and a `host`. path: a path, or
         a text that is the URL of a store. on_disk: whether voxels are shared in a temporary file. entry: the folder of
-        an entry of the cache folder, in which voxels are shared and from which `kept_image` makes the same image.
+        an entry of the cache folder, in which voxels are shared and from which `kept_image` makes the same image. It
+        may have pieces that a process read which was ended: they are not read again.
         arguments: values that JSON can express. Raises InputError if the reader raises one or fails in any other way,
         and RenderError if the child cannot run.
     """
@@ -93,7 +97,7 @@ def read_isolated(
             is_shared = _file_in(entry, _VOXELS).exists()
             voxels = files.enter_context(_file_in(entry, _VOXELS).open("r+b" if is_shared else "w+b"))
             answer = files.enter_context(_file_in(entry, _ANSWER).open("w+b"))
-            text = _ask(children, {**request, "folder": str(entry.parent)}, voxels)
+            text = _ask(children, {**request, "folder": str(entry.parent), "journal": str(entry / _JOURNAL)}, voxels)
             np.save(answer, np.frombuffer(text, np.uint8), allow_pickle=False)
         told = json.loads(text)
         shape, dtype, num_bytes = _layout(told)
@@ -147,8 +151,9 @@ def _limits(path: Path | str) -> dict[str, int]:
 def _ask(children: ChildProcesses, request: dict[str, Any], voxels: IO[bytes]) -> bytes:
     """Let a child call a reader, and return the image that it answers with, as JSON.
 
-    request: the reader, its path and its arguments, the limits of the child, and the folder of the shared file for
-    messages. voxels: the shared file. Raises InputError if the answer is an error, or if there is none.
+    request: the reader, its path and its arguments, the limits of the child, the folder of the shared file for
+    messages, and the path of a journal, if pieces are remembered. voxels: the shared file. Raises InputError if the
+    answer is an error, or if there is none.
     """
     receiver, sender = os.pipe()
     with open(receiver, "rb") as answers:
@@ -285,8 +290,9 @@ def _label(value: Any, name: Any, color: Any, opacity: Any) -> Label:
 class Host:
     """The child process as its reader sees it: a shared file for voxels, and lines of JSON to the parent."""
 
-    def __init__(self, sender: IO[bytes], descriptor: int, folder: str) -> None:
+    def __init__(self, sender: IO[bytes], descriptor: int, folder: str, journal: str | None) -> None:
         self._sender, self._descriptor, self._folder = sender, descriptor, folder
+        self._journal = None if journal is None else PieceJournal(Path(journal))
         self.values: Array | None = None
 
     def expect_bytes(self, num_bytes: int) -> None:
@@ -335,10 +341,22 @@ class Host:
             num_written = os.pwrite(self._descriptor, left, first)
             left, first = left[num_written:], first + num_written
 
+    def has_piece(self, name: str, voxels: Array) -> bool:
+        """Return whether an earlier process has read a piece of the array that `allocate` returned."""
+        return self._journal is not None and self._journal.has(name, voxels)
+
+    def add_piece(self, name: str, voxels: Array) -> None:
+        """Remember that a piece was read, for a later process, if this one is ended. name: as in `has_piece`."""
+        if self._journal is not None:
+            self._journal.add(name, voxels)
+
     def require_room(self, num_bytes: int) -> None:
-        """Raise InputError if there is no room for this many bytes in memory, or on the disk of the shared file."""
+        """Raise InputError if there is no room for this many bytes in memory, or on the disk of the shared file.
+
+        The bytes that the file has on the disk have room.
+        """
         disk = os.fstatvfs(self._descriptor)
-        free = disk.f_bavail * disk.f_frsize
+        free = disk.f_bavail * disk.f_frsize + 512 * os.fstat(self._descriptor).st_blocks
         if disk.f_blocks == 0:  # a file in memory
             check_memory(num_bytes)
         elif num_bytes > free:
@@ -400,7 +418,7 @@ def _main() -> None:
     sender, descriptor, request = int(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
     _limit_child(**request["limits"])
     with open(sender, "wb") as file:
-        child, path = Host(file, descriptor, request["folder"]), request["path"]
+        child, path = Host(file, descriptor, request["folder"], request.get("journal")), request["path"]
         path = path if is_url(path) else Path(path)
         child.begin_file(path)
         try:

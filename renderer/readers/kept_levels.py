@@ -22,7 +22,7 @@ import numpy as np
 from renderer.cache import CacheFolder, cache_folder
 from renderer.readers.image import Image
 from renderer.readers.isolation import kept_image, share_voxels
-from renderer.readers.level_parts import has_blocks, level_read, with_blocks
+from renderer.readers.level_parts import has_blocks, level_read, read_rest, with_blocks
 from renderer.readers.recent_images import marks_of
 from renderer.readers.store_blocks import Blocks
 
@@ -39,24 +39,32 @@ _DIGEST_BYTES = 16
 _KNOWN_MARKS: ContextVar[dict[Path, str] | None] = ContextVar("known marks of stores", default=None)
 
 
-def read_kept(read: Callable[..., Image], place: Path | str, wanted: Mapping[str, Any]) -> Image:
+def read_kept(read: Callable[..., Image], part: Image | None, place: Path | str, wanted: Mapping[str, Any]) -> Image:
     """Return a level from the cache folder, or else read it, and keep it there if the process has such a folder.
 
-    read: reads the level in a child process, into an entry of the cache folder (`entry`), or without voxels if no
-        blocks are wanted (`blocks`). place: the path or the URL of the store. wanted: the part of it, as in `Wanted`.
+    Another process that reads it is waited for. What a process has read that was ended is not read again.
+
+    read: reads the level in a child process, into an entry of the cache folder (`entry`), or some of its blocks
+        (`blocks`). part: blocks of the level that this process has read, None if it has read none. place: the path or
+        the URL of the store. wanted: the part of it, as in `Wanted`.
     """
     folder = cache_folder()
     if folder is None:
-        return read()
+        return read_rest(part, read)
     facts = _facts(read, place, wanted)
     kept = _find(folder, facts)
     if kept is not None:
         return kept
-    image = None
-    with suppress(OSError), folder.adding(_KIND, facts) as entry:
-        image = read(entry=entry)
-        folder.remove(_PART_KIND, facts)
-    return _find(folder, facts) or image or read()
+    with folder.alone(_KIND, facts) as is_alone:
+        if part is None or part.blocks is None:
+            part = _find_part(folder, facts)
+        kept, image = _find(folder, facts), None
+        if kept is None:
+            with suppress(OSError), folder.adding(_KIND, facts, resumes=is_alone) as entry:
+                image = read_rest(part, read, entry=entry)
+            folder.remove(_PART_KIND, facts)
+            kept = _find(folder, facts) or image
+    return kept or read_rest(part, read)
 
 
 def read_plan(read: Callable[..., Image], place: Path | str, wanted: Mapping[str, Any]) -> Image:
@@ -71,12 +79,6 @@ def read_plan(read: Callable[..., Image], place: Path | str, wanted: Mapping[str
     return _find_part(folder, facts) or _find(folder, facts) or read(blocks=())
 
 
-def find_part(plan: Image, place: Path | str, wanted: Mapping[str, Any]) -> Image | None:
-    """Return a part of a level from the cache folder; None without one. plan: the level, with or without voxels."""
-    folder = cache_folder()
-    return None if folder is None else _find_part(folder, _facts(lambda **_: plan, place, wanted))
-
-
 def read_part_kept(
     part: Image, blocks: Blocks, read: Callable[..., Image], place: Path | str, wanted: Mapping[str, Any]
 ) -> Image:
@@ -89,16 +91,17 @@ def read_part_kept(
     if folder is None:
         return with_blocks(part, blocks, read)
     facts, image = _facts(lambda **_: part, place, wanted), None
-    if part.blocks is None:
-        part = _find_part(folder, facts) or part
-    if has_blocks(part, blocks):
-        return part
-    with suppress(OSError), folder.adding(_PART_KIND, facts) as entry:
-        is_shared = share_voxels(part, entry)
-        image = with_blocks(part, blocks, partial(read, entry=entry), is_shared=is_shared)
-        assert image.blocks is not None
-        np.save(entry / f"{_BLOCKS}.npy", image.blocks.wanted, allow_pickle=False)
-        folder.remove(_PART_KIND, facts)
+    with folder.alone(_PART_KIND, facts) as is_alone:
+        if part.blocks is None:
+            part = _find_part(folder, facts) or part
+        if has_blocks(part, blocks):
+            return part
+        with suppress(OSError), folder.adding(_PART_KIND, facts, resumes=is_alone) as entry:
+            is_shared = share_voxels(part, entry)
+            image = with_blocks(part, blocks, partial(read, entry=entry), is_shared=is_shared)
+            assert image.blocks is not None
+            np.save(entry / f"{_BLOCKS}.npy", image.blocks.wanted, allow_pickle=False)
+            folder.remove(_PART_KIND, facts)
     return image or with_blocks(part, blocks, read)
 
 

@@ -241,7 +241,7 @@ class _Part(NamedTuple):
 def _read(store: OpenImage, number: int, part: _Part, host: Host) -> Array:
     """Return the voxels of a part of a level, read several pieces at a time, and tell the progress.
 
-    No chunk is needed for two pieces of a box.
+    No chunk is needed for two pieces of a box. A piece that a process read which was ended is not read again.
     """
     scaling, level = store.image.plan.scaling, store.levels[number]
     host.expect_bytes(_NUM_HELD_CHUNKS * level.dtype.itemsize * math.prod(map(min, level.chunks, level.shape)))
@@ -249,12 +249,16 @@ def _read(store: OpenImage, number: int, part: _Part, host: Host) -> Array:
 
     def read(piece: tuple[Box, Array]) -> int:
         item, values = piece
+        name = str(item)
+        if host.has_piece(name, values):
+            return values.nbytes
         if scaling == _NO_SCALING and not part.in_blocks:
             store.read_box(number, item, values)
-            return values.nbytes
-        stored = np.empty(values.shape, level.dtype.newbyteorder("="))
-        store.read_box(number, item, stored)
-        host.fill(values, stored if scaling == _NO_SCALING else scaled(stored, *scaling))
+        else:
+            stored = np.empty(values.shape, level.dtype.newbyteorder("="))
+            store.read_box(number, item, stored)
+            host.fill(values, stored if scaling == _NO_SCALING else scaled(stored, *scaling))
+        host.add_piece(name, values)
         return values.nbytes
 
     pieces = [piece for target in part.targets(found) for piece in slabs_of(*target, level.chunks)]

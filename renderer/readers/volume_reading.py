@@ -21,8 +21,8 @@ from renderer.readers.components import are_colors, are_light, choose, select_in
 from renderer.readers.file_errors import errors_about, require_exists, unreadable_error
 from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
-from renderer.readers.kept_levels import find_kept, find_part, read_kept, read_part_kept, read_plan, store_state
-from renderer.readers.level_parts import has_blocks, read_rest
+from renderer.readers.kept_levels import find_kept, read_kept, read_part_kept, read_plan, store_state
+from renderer.readers.level_parts import has_blocks
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages
 from renderer.readers.sniff import find_volume
@@ -416,15 +416,7 @@ def _load_part(spec: VolumeSpec, place: Path | str, form: str, time: int | None)
     if form != "store":
         return _RECENT_IMAGES.get(request, read)
     part = _part_request(spec, place, wanted)
-
-    def read_level(**options: Any) -> Image:
-        """Read a level, but not the blocks by which levels were compared."""
-        known = _RECENT_IMAGES.find(part)
-        if known is None or "blocks" in options:
-            return read(**options)
-        return read_rest(known if known.blocks else find_part(known, place, wanted), read, **options)
-
-    image = _RECENT_IMAGES.get(request, lambda: read_kept(read_level, place, wanted))
+    image = _RECENT_IMAGES.get(request, lambda: read_kept(read, _RECENT_IMAGES.find(part), place, wanted))
     _RECENT_IMAGES.drop(part)
     return image
 

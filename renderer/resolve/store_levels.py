@@ -14,7 +14,7 @@ from renderer.readers import most_level_bytes, read_part, read_volume, state_of_
 from renderer.resolve.level_errors import LevelErrors
 from renderer.scene import AnyScene, LayerSpec, LevelChoice, OverFrames, Scene, VolumeSpec, first_output, scene_to_dict
 from renderer.system import num_cores
-from renderer.volume import Volume
+from renderer.volume import Array, Volume
 
 # A level counts as exact enough if its error is at most this share of the error that the scene asks for, so that the
 # error of drawing has room beside it.
@@ -70,15 +70,17 @@ def with_levels(scene: AnyScene, resolve: Callable[[AnyScene], AnyScene]) -> Any
     if all(len(each) == 1 for each in numbers.values()):
         return _with_choices(scene, first)
     entry = _kept_choices(scene, stores, numbers, asked)
-    chosen = _kept(entry, stores)
-    if chosen is None:
-        film = prepare_stage(resolve(_with_choices(scene, first)), clock=lambda: 0.0, num_threads=num_cores())
-        with film:
-            chosen = {
-                key: _measured_choice(store, film, numbers[key], asked) if len(numbers[key]) > 1 else first[key]
-                for key, store in _by_key(stores)
-            }
-        entry.keep({_CHOICES: numbers_to_array([chosen[store.key] for store in stores])})
+    with entry.making() as kept:
+        if kept is not None:
+            chosen = _kept_in(kept, stores)
+        else:
+            film = prepare_stage(resolve(_with_choices(scene, first)), clock=lambda: 0.0, num_threads=num_cores())
+            with film:
+                chosen = {
+                    key: _measured_choice(store, film, numbers[key], asked) if len(numbers[key]) > 1 else first[key]
+                    for key, store in _by_key(stores)
+                }
+            entry.keep({_CHOICES: numbers_to_array([chosen[store.key] for store in stores])})
     return _with_choices(scene, chosen)
 
 
@@ -102,12 +104,9 @@ def _kept_choices(
     return KeptArrays.of("choice", facts, max(store.sizes[0] for store in stores))
 
 
-def _kept(entry: KeptArrays, stores: Sequence[_OpenStore]) -> dict[Hashable, LevelChoice] | None:
-    """Return the choices that an earlier process left, by the keys of their stores; None without them."""
-    found = entry.find()
-    if found is None:
-        return None
-    choices = numbers_from_array(found[_CHOICES])
+def _kept_in(arrays: Mapping[str, Array], stores: Sequence[_OpenStore]) -> dict[Hashable, LevelChoice]:
+    """Return the choices in an entry of the cache folder, by the keys of their stores."""
+    choices = numbers_from_array(arrays[_CHOICES])
     return {store.key: LevelChoice(*choice) for store, choice in zip(stores, choices, strict=True)}
 
 

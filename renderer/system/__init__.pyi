@@ -5,6 +5,7 @@ from .child_processes import (
     open_anonymous_file as open_anonymous_file,
 )
 from .cores import num_cores as num_cores
+from .file_locks import is_path_of as is_path_of, lock_bytes as lock_bytes, unlock_bytes as unlock_bytes
 from .interrupts import (
     ctrl_c_stops_kernels as ctrl_c_stops_kernels,
     deferrable_interrupts as deferrable_interrupts,

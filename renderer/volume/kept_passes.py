@@ -8,10 +8,9 @@ second change may leave it the same times.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Any
 
-from renderer.cache import KeptArrays, cache_folder, numbers_from_array, numbers_to_array
+from renderer.cache import CacheFolder, KeptArrays, cache_folder, numbers_from_array, numbers_to_array
 from renderer.volume.arrays import Array
 from renderer.volume.mapped_file import MappedFile, place_in_file, time_of_change
 
@@ -34,16 +33,26 @@ def kept_pass(
     place = str(source.path), source.state, time_of_change(source), place_in_file(values)
     entry = KeptArrays(folder, kind, (place, values.dtype.str, values.shape, facts))
     found = entry.find()
-    if found is not None:
-        source.require_unchanged()
-        return found
-    is_settled = False
-    with suppress(OSError):
-        is_settled = folder.now() - source.state[3] * 1e-9 > _SETTLED
-    made = make()
-    if is_settled:
-        entry.keep(made)
-    return made
+    if found is None and _is_settled(source, folder):
+        with entry.making() as found:
+            if found is None:
+                made = make()
+                entry.keep(made)
+                return made
+    if found is None:
+        return make()
+    source.require_unchanged()
+    return found
+
+
+def _is_settled(source: MappedFile, folder: CacheFolder) -> bool:
+    """Return whether a file is trusted to have other times once it is changed again. Entries of the cache stay."""
+    if source.may_go:
+        return True
+    try:
+        return folder.now() - source.state[3] * 1e-9 > _SETTLED
+    except OSError:
+        return False
 
 
 def kept_numbers(

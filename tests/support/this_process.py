@@ -32,6 +32,13 @@ class ThisProcess(Any):
         """Raise InputError if the voxels do not fit into memory."""
         check_memory(num_bytes)
 
+    def has_piece(self, _name: str, _voxels: Array) -> bool:
+        """Return False, as nothing is remembered."""
+        return False
+
+    def add_piece(self, name: str, voxels: Array) -> None:
+        """Do nothing, as nothing is remembered."""
+
     def tell_progress(self, num_read: int, num_bytes: int, what: str) -> None:
         """Tell this process how many bytes of voxels were read."""
         tell_pass(num_read, num_bytes, what)

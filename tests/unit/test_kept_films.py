@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from threading import Barrier
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from hsplat_cli.commands.init import init
 from renderer.cache import caching_in
 from renderer.draw import open_rasterizer
 from renderer.frame import prepare_stage, render_frames
+from renderer.pyramid import Pyramid, build_pyramid
 from renderer.readers import read_volume
 from renderer.resolve import resolve_scene
 from renderer.scene import FilmScene, parse_scene
@@ -337,3 +340,26 @@ def test_damaged_entries_are_made_again(tmp_path: Path) -> None:
     files[0].unlink()
     np.testing.assert_array_equal(picture(tree, cache), plain)
     assert files[0].exists()
+
+
+def test_two_films_at_a_time_build_a_layer_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each thread stands in for a process: its lock keeps the other one out, too."""
+    tree, cache = scene_of(tmp_path, ball("uint8"), "occluded"), tmp_path / "cache"
+    built, are_there = list[int](), Barrier(2)
+    plain = picture(tree, None)
+
+    def build(*arguments: Any, **options: Any) -> Pyramid:
+        built.append(1)
+        return build_pyramid(*arguments, **options)
+
+    monkeypatch.setattr("renderer.bricks.bricks.build_pyramid", build)
+    scene = resolve_scene(parse_scene(tree, base=Path("/")), read_volume)
+
+    def draw(_number: int) -> npt.NDArray[np.float32]:
+        are_there.wait()
+        return drawn(scene, 0)
+
+    with caching_in(cache), ThreadPoolExecutor(2) as pool:
+        for found in pool.map(draw, range(2)):
+            np.testing.assert_array_equal(found, plain)
+    assert len(built) == 1
