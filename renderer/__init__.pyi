@@ -1,4 +1,5 @@
 from .api import (
+    ExactImage as ExactImage,
     Film as Film,
     FrameImage as FrameImage,
     Page as Page,

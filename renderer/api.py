@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import base64
 import html
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -68,6 +69,20 @@ class FrameImage(np.ndarray[tuple[int, ...], np.dtype[np.uint8]]):  # from NumPy
         """Return the picture as the bytes of a PNG file; None for an array that is no picture, such as one channel."""
         is_picture = self.dtype == np.uint8 and self.ndim == 3 and self.shape[2] in (3, 4) and self.size > 0
         return encode_png(np.ascontiguousarray(self)) if is_picture else None
+
+
+class ExactImage(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
+    """An exact picture: a float32 array [height, width, 3], with colours from 0 to 1.
+
+    It is a numpy array in every other respect.
+
+    Attributes
+    ----------
+    standard_error: the root of the mean variance of its pixels, each the mean of a few rays or paths; NaN for arrays
+        that are made from the picture.
+    """
+
+    standard_error: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -305,18 +320,27 @@ def preview(scene: SceneLike) -> Page:
 
 
 @ctrl_c_stops_kernels()
-def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
+def integrate(
+    scene: SceneLike,
+    frame: int = 0,
+    *,
+    standard_error: float = 0.005,
+    on_progress: Callable[[float], None] | None = None,
+) -> ExactImage:
     """Compute the exact picture of a frame: the mean over each pixel of converged ray integrals, without cells.
 
-    This takes far longer than drawing: use small pictures.
+    With `light`, the mean is taken over paths of light, without the grid on which a film's light is found. This takes
+    far longer than drawing: use small pictures.
 
     Parameters
     ----------
     scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
     frame: the number of the frame on the camera's path; -1 for the last frame.
+    standard_error: with `light`, the wanted standard error of a pixel. Half of it takes four times as long.
+    on_progress: a function that is called with the finished share, from 0 to 1.
 
-    Returns float32 [height, width, 3], colours from 0 to 1 over the scene's background, or over black if it is
-    transparent. Smooth pixels are within about 1e-4 of the truth. Where edges cross a pixel, up to 128 rays have an
+    Returns the ExactImage, over the scene's background, or over black if it is transparent, with its standard error.
+    Without `light`, smooth pixels are within about 1e-4 of the truth. Where edges cross a pixel, up to 128 rays have an
     error of their own: pictures of scans have 63 to 69 dB against more rays.
     Raises InputError, SceneError, and RenderError if the integral does not converge.
 
@@ -327,11 +351,22 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     """
     from renderer.accuracy import TRUTH_TOLERANCE, compute_truth
 
+    if not standard_error > 0:
+        raise InputError("the standard error is not positive", where="standard_error", got=f"{standard_error}")
     made = make_scene(scene, {"output": _ANY_PICTURE})
     number = frame_number(frame, made)
     with _open_stage(made) as stage:
-        truth = compute_truth(stage, number, TRUTH_TOLERANCE, num_threads=num_cores())
-    return truth.picture.astype(np.float32)
+        truth = compute_truth(
+            stage,
+            number,
+            TRUTH_TOLERANCE,
+            standard_error=standard_error,
+            num_threads=num_cores(),
+            on_progress=on_progress or (lambda _: None),
+        )
+    image: ExactImage = truth.picture.astype(np.float32).view(ExactImage)
+    image.standard_error = truth.standard_error
+    return image
 
 
 def _open_stage(scene: FilmScene) -> FilmStage:

@@ -70,7 +70,6 @@ from .shared_probes import (
 from .tolerances import spread_tolerances as spread_tolerances
 from .truths import (
     NUM_SAMPLED_PIXELS as NUM_SAMPLED_PIXELS,
-    TRUTH_STANDARD_ERROR as TRUTH_STANDARD_ERROR,
     TRUTH_TOLERANCE as TRUTH_TOLERANCE,
     SampledTruth as SampledTruth,
     Truth as Truth,

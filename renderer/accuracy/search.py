@@ -37,6 +37,12 @@ _NUM_KEYS = 8
 # Beyond this number of key frames, the frames between a new key frame and its neighbours are not tried any more.
 _MAX_KEYS = 32
 
+# Words on the limit of accuracy at tolerance 0, by whether the scene has no `light`.
+_LIMITS = {
+    True: "docs/footprints.md says what limits it",
+    False: "light is found on a grid of its own, which no tolerance makes finer",
+}
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -79,13 +85,13 @@ class FoundTolerances:
         """Return the error for an accuracy that no tolerance reaches. where: the place of the error. hint: a remedy."""
         level, worst = scene.error.finest_level, self.worst
         drawn = counted(worst.num_cells, scene.primitive_name)
-        is_limited = f"error.finest_level: {level} lets no cell be smaller"
+        limit = f"error.finest_level: {level} lets no cell be smaller" if level else _LIMITS[scene.at(0).light is None]
         return RenderError(
             "the requested accuracy is beyond full resolution",
             where=where,
             got=f"{self.want.format(worst.value)} on frame {worst.frame}, with {drawn} at tolerance 0",
             expected=str(self.want),
-            hint=f"{hint}; {is_limited if level else 'docs/footprints.md says what limits it'}",
+            hint=f"{hint}; {limit}",
         )
 
 

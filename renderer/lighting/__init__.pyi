@@ -11,9 +11,12 @@ from .radiance_grid import (
     compute_radiance_grid as compute_radiance_grid,
     solve_bytes as solve_bytes,
 )
-from .scene_light import SceneLight as SceneLight, solve_scene_light as solve_scene_light
+from .scene_light import (
+    SceneLight as SceneLight,
+    solve_scene_light as solve_scene_light,
+    sources_of as sources_of,
+)
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .exposure import choose_stops as choose_stops
-from .scene_light import sources_of as sources_of

@@ -119,9 +119,12 @@ def _light_sentence(shadings: list[Any], light: Any) -> str:
 def _accuracy_sentences(accuracy: FilmAccuracy, record: FilmRecord, output: OutputSpec) -> Iterator[str]:
     """Yield a sentence on the accuracy of the film, and one for each further file that shows the measured pictures."""
     decoded = f" and the first {counted(accuracy.file.frames, 'frame')} decoded again" if accuracy.file else ""
+    truth, probes = "the exact ray integral", "exact rays through all frames"
+    if "light" in record.scene:
+        truth, probes = "the light of paths by Monte Carlo", "pixels of all frames"
     yield (
-        f"Accuracy of {output.file.name} against the exact ray integral: {accuracy_text(accuracy)}; intervals of 95 %, "
-        f"by {accuracy.rays} exact rays through all frames{decoded}."
+        f"Accuracy of {output.file.name} against {truth}: {accuracy_text(accuracy)}; intervals of 95 %, by "
+        f"{accuracy.rays} {probes}{decoded}."
     )
     for file, other in zip(output.others, record.outputs, strict=False):
         if file.kind == output.kind and (file.is_frames or other.psnr_of_encoding is not None):

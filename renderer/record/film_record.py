@@ -59,17 +59,17 @@ class SharedProbes:
 
 @dataclass(frozen=True)
 class FrameAccuracy:
-    """A record of how exact a frame is, by exact rays through some of its pixels."""
+    """A record of how exact a frame is, by exact rays, or paths, through some of its pixels."""
 
     psnr: Annotated[float, types.DECIBELS, "The PSNR of the rounded picture, in decibels; 200 if probes see no error."]
     interval: Annotated[
         Range, types.INTERVAL, "In 95 % of cases or more, the true PSNR lies between these; 200 means no upper limit."
     ]
-    rays: Annotated[int, types.COUNT, "The number of probed pixels, each of which has several rays."]
+    rays: Annotated[int, types.COUNT, "The number of probed pixels, each of which has several rays or paths."]
     variance: Annotated[float, types.AMOUNT, "The variance of the squared errors, weighted by the chances of pixels."]
     largest: Annotated[float, types.AMOUNT, "The largest magnitude of a weighted squared error, which may be below 0."]
     largest_error: Annotated[
-        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; at edges it is too large."
+        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; at edges, and by paths, it is too large."
     ]
     mean: Annotated[float | None, types.COORDINATE, "The mean squared error; if left out, that of the PSNR."] = None
     shared: Annotated[SharedProbes | None, "The errors for flicker, if the frame shares probes with another."] = None
@@ -91,7 +91,7 @@ class FrameRecord:
     device: Annotated[str | None, "The device of the worker that drew the frame, on a cluster."] = None
     blank: Annotated[bool, "True if nothing of the volume is visible."] = False
     values: Annotated[Mapping[str, Any] | None, types.DATA, "The values that move, by their keys in the scene."] = None
-    accuracy: Annotated[FrameAccuracy | None, "The accuracy of the picture, by exact rays."] = None
+    accuracy: Annotated[FrameAccuracy | None, "The accuracy of the picture, by exact rays or paths."] = None
     visible: Annotated[
         tuple[float, ...], types.SHARES, "The opacity that each range of scalars adds to the picture's mean opacity."
     ] = ()
@@ -235,7 +235,7 @@ class FlickerRecord:
 
 @dataclass(frozen=True)
 class FilmAccuracy:
-    """A record of how exact all frames of a film are together, by exact rays."""
+    """A record of how exact all frames of a film are together, by exact rays or paths."""
 
     psnr: Annotated[float, types.DECIBELS, "The PSNR of all frames, from their mean squared error, in decibels."]
     interval: Annotated[
@@ -244,7 +244,7 @@ class FilmAccuracy:
     rays: Annotated[int, types.COUNT, "The number of probed pixels in all frames."]
     worst: Annotated[WorstFrame, "The least exact frame."]
     largest_error: Annotated[
-        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; at edges it is too large."
+        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; at edges, and by paths, it is too large."
     ]
     method: Annotated[str, "The method by which pixels are chosen."]
     seed: Annotated[int, types.COUNT, "The seed of the choice of pixels."]
@@ -358,7 +358,7 @@ class FilmRecord:
     schedule: Annotated[ScheduleRecord, "The accuracy that was requested and reached."]
     notes: Annotated[tuple[str, ...], "Notes for the user."]
     seconds: Annotated[Amounts, types.AMOUNTS, "The seconds of each step of the whole film."]
-    accuracy: Annotated[FilmAccuracy | None, "The accuracy of all frames together, by exact rays."] = None
+    accuracy: Annotated[FilmAccuracy | None, "The accuracy of all frames together, by exact rays or paths."] = None
     visibility: Annotated[FilmVisibility | None, "The scalars that the pictures show, by the same rays."] = None
     volumes: Annotated[tuple[VolumeRecord, ...], "All volumes, if there are several."] = ()
     memory: Annotated[BrickMemoryRecord | None, "The memory of bricks, if a single process drew."] = None

@@ -11,10 +11,9 @@ import numpy.typing as npt
 import pytest
 from stage_pictures import NUMBER, drawn
 
-from renderer.accuracy import FrameProber, compute_truth, open_prober
 from renderer.annotation import Patch, draw_annotation
 from renderer.draw import draw_lines, make_outline
-from renderer.errors import InputError, SceneError
+from renderer.errors import SceneError
 from renderer.film import quantize
 from renderer.frame import FilmStage, Stage, prepare_stage, view_of
 from renderer.kernels import kernels
@@ -213,7 +212,6 @@ def test_sources_are_linear_light() -> None:
         ({"blend": "add"}, "light: contradicts blend: add"),
         ({"splat": {"footprint": "gaussian"}}, "light: needs footprint: integrated"),
         ({"splat": {"footprint": "gouraud"}}, "light: needs footprint: integrated"),
-        ({"error": {"psnr": 40}}, "light: contradicts error.psnr"),
         ({"light": {"environment": "moon"}}, "light.environment: unknown value"),
         ({"light": {"key": {"strength": 1e30}}}, "light.key.strength: out of range"),
         ({"light": {"key": {"direction": [0, 0, 0]}}}, "light.key.direction: no direction"),
@@ -270,15 +268,6 @@ def test_lines_and_texts_keep_their_colours_over_linear_light() -> None:
     brightest = np.unravel_index(plain[..., 3].argmax(), plain.shape[:2])
     alpha = plain[brightest][3]
     np.testing.assert_allclose(lit[brightest][:3] / alpha, linear_of_srgb(plain[brightest][:3] / alpha), atol=0.03)
-
-
-def test_no_exact_rays_measure_scattered_light() -> None:
-    """No film states an accuracy by rays that do not scatter."""
-    stage = stage_of(scene_of({"transfer_function": points("white")}), volume(cube()))
-    assert open_prober(stage, 1) is None
-    for measure in (lambda: FrameProber(stage, 9), lambda: compute_truth(stage, 0, 1e-3)):
-        with pytest.raises(InputError, match="accuracy of scattered light"):
-            measure()
 
 
 @pytest.mark.parametrize("affine", [np.eye(4), TURNED])

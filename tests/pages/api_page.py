@@ -31,7 +31,18 @@ its child `SceneError`, for what is wrong with a scene, a volume or a parameter,
 
 This page is made from the docstrings by `tests/pages/api_page.py`.
 """
-_NAMES = ("render_frame", "render", "load_scene", "suggest_scene", "preview", "integrate", "Film", "FrameImage", "Page")
+_NAMES = (
+    "render_frame",
+    "render",
+    "load_scene",
+    "suggest_scene",
+    "preview",
+    "integrate",
+    "Film",
+    "FrameImage",
+    "ExactImage",
+    "Page",
+)
 _SECTIONS = ("Parameters", "Attributes", "Example")
 
 

@@ -50,20 +50,20 @@ def test_a_film_is_described_by_its_sidecar_alone(capsys: pytest.CaptureFixture[
     assert "tiny.gif" not in methods  # nobody has measured its smaller pictures
 
 
-def test_a_film_in_scattered_light_states_no_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_film_in_scattered_light_states_its_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     text = re.sub(r"shading: .*\n", "light: {key: {}}\n", Path("scene.yaml").read_text("utf-8"))
     Path("scene.yaml").write_text(text.replace("film.mp4", "light.mp4"), encoding="utf-8")
     assert main.run(["render", "scene.yaml", "--force"]) == 0
     printed = capsys.readouterr()
-    assert "PSNR" not in printed.out + printed.err
-    assert "no accuracy is stated: exact rays do not follow the light that matter scatters" in printed.out
+    assert "frames PSNR " in printed.out
+    assert sidecar("light.mp4.json")["accuracy"]["interval"][0] > 20
     assert main.run(["cite", "light.mp4"]) == 0
     printed = capsys.readouterr()
     assert "Matter scattered the light of an environment and a key light equally" in printed.out
-    assert "The accuracy of this light was not measured." in printed.out
+    assert "Accuracy of light.mp4 against the light of paths by Monte Carlo: " in printed.out
     assert not printed.err
-    assert main.run(["verify", "light.mp4"]) != 0
-    assert "the accuracy of scattered light cannot be measured yet" in capsys.readouterr().err
+    assert main.run(["verify", "light.mp4"]) == 0
+    assert "file PSNR " in capsys.readouterr().out
 
 
 def test_bibtex_cites_what_the_sources_cite(capsys: pytest.CaptureFixture[str]) -> None:
