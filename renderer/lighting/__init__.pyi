@@ -11,7 +11,11 @@ from .radiance_grid import (
     compute_radiance_grid as compute_radiance_grid,
     solve_bytes as solve_bytes,
 )
-from .scene_light import SceneLight as SceneLight, solve_scene_light as solve_scene_light
+from .scene_light import (
+    SceneLight as SceneLight,
+    SurfaceLight as SurfaceLight,
+    solve_scene_light as solve_scene_light,
+)
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.

@@ -1,4 +1,8 @@
-from .albedos import albedos_of as albedos_of, color_of_thick as color_of_thick, linear_of_srgb as linear_of_srgb
+from .albedos import (
+    albedos_of as albedos_of,
+    color_of_thick as color_of_thick,
+    linear_of_srgb as linear_of_srgb,
+)
 from .classify import (
     RawVoxels as RawVoxels,
     make_classifier as make_classifier,
@@ -28,4 +32,4 @@ from .transfer_function import (
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .albedos import albedo_of_thick as albedo_of_thick
+from .albedos import albedo_of_thick as albedo_of_thick, surface_reflectance as surface_reflectance
