@@ -570,6 +570,8 @@ class PathLight(NamedTuple):
     key_rise: float
     # [rgb]: the integral of the key light's radiance over its solid angle.
     key_irradiance: NDArray[np.float64]
+    # The factor on albedos of matter that light meets on its way; points of rays have their whole albedo.
+    scattering: float
     # The surfaces on which paths may begin; None without surfaces.
     surface: PathSurface | None
 

@@ -27,6 +27,8 @@ class LightSources(NamedTuple):
     key_radius: float
     # [rgb]: the integral of the key light's radiance over its solid angle; 0 without a key light.
     key_irradiance: Float64
+    # The factor on albedos of matter that light meets on its way, from 0 to 1; points of rays have their whole albedo.
+    scattering: float = 1.0
     # How surfaces reflect light that reaches the eye; None if no point is a surface.
     surface: SurfaceSpec | None = None
 

@@ -82,11 +82,11 @@ def sources_of(light: LightSpec) -> LightSources:
     mean = (top + bottom) / 2
     # The quadratic in the cosine with these values at 1, 0 and -1, as a sum of P0, P1 and P2.
     bands = np.stack([(mean + 2 * horizon) / 3, (top - bottom) / 2, (mean - horizon) * 2 / 3])
-    if light.key is None:
-        return LightSources(_unit(light.up), bands, (0.0, 0.0, 1.0), 14.0, np.zeros(3), light.surfaces)
-    irradiance = np.pi * light.key.strength * linear_of_srgb(light.key.color)
-    toward = _unit(light.key.direction)
-    return LightSources(_unit(light.up), bands, toward, light.key.radius, irradiance, light.surfaces)
+    key, radius, irradiance = (0.0, 0.0, 1.0), 14.0, np.zeros(3)
+    if light.key is not None:
+        key, radius = _unit(light.key.direction), light.key.radius
+        irradiance = np.pi * light.key.strength * linear_of_srgb(light.key.color)
+    return LightSources(_unit(light.up), bands, key, radius, irradiance, light.scattering, light.surfaces)
 
 
 def _unit(vector: Vector) -> Vector:

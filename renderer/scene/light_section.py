@@ -105,6 +105,7 @@ class LightSpec:
     """The keys of `light`. Colours of the transfer function are then reflectances of opaque matter in even white light.
 
     up: the direction to the top of the environment, in world axes. key: None for no key light.
+    scattering: the factor on albedos of matter that light meets on its way. Points of rays have their whole albedo.
     surface: u in the share w = u g of a point that is a surface. With the albedo a and the mean radiance phi, the point
         shows (1 - w) a phi + w (c E(n) / pi + highlights). E(n) is the irradiance of a plane whose normal is n, and c a
         reflectance with which opaque matter shows the same colour as without surfaces in even light
@@ -121,6 +122,7 @@ class LightSpec:
     environment: Annotated[EnvironmentSpec, _ENVIRONMENT] = ENVIRONMENTS["studio"]
     up: Annotated[Vector, _UP] = (0.0, 0.0, 1.0)
     key: KeySpec | None = None
+    scattering: Annotated[float, _SHARE] = 1.0
     surface: Annotated[float, _SHARE] = 0.0
     specular: Annotated[float, _SHARE] = 0.0
     shininess: Annotated[float, _SHININESS] = 32.0

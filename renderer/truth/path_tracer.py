@@ -119,6 +119,7 @@ def _light_of(light: LightSources) -> PathLight:
         key=np.array(light.key, np.float64),
         key_rise=_rise_of(light.key_radius),
         key_irradiance=np.array(light.key_irradiance, np.float64),
+        scattering=light.scattering,
         surface=None if light.surface is None else PathSurface(*light.surface),
     )
 

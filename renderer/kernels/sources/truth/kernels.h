@@ -200,6 +200,8 @@ struct PathLight {
     double key_rise;
     // [rgb]: the integral of the key light's radiance over its solid angle.
     double key_irradiance[3];
+    // The factor on albedos of matter that light meets on its way; points of rays have their whole albedo.
+    double scattering;
     // The surfaces on which paths may begin; None without surfaces.
     Maybe<PathSurface> surface;
 };

@@ -138,7 +138,8 @@ struct PathTracer {
         Matter met = {};
         for (int64_t k = 0; k < media.shape[0]; k++)
             nearest = least(nearest, media[k].collide(at, direction, nearest, random, met));
-        return nearest == INFINITE ? environment(direction) : scattered(at + nearest * direction, met.albedo(), random);
+        if (nearest == INFINITE) return environment(direction);
+        return scattered(at + nearest * direction, light.scattering * met.albedo(), random);
     }
 
     // Return the light that a point of a ray sends along the ray. x: the place of the point in the part of the ray.
@@ -172,7 +173,7 @@ struct PathTracer {
             for (int64_t k = 0; k < media.shape[0]; k++)
                 nearest = least(nearest, media[k].collide(at, direction, nearest, random, met));
             if (nearest == INFINITE) return sum + through * environment(direction);
-            at += nearest * direction, through *= met.albedo();
+            at += nearest * direction, through *= light.scattering * met.albedo();
         }
         return sum;
     }
