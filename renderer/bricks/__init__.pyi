@@ -32,6 +32,7 @@ from .texels import (
     NO_LIGHT as NO_LIGHT,
     fill_scalar_texels as fill_scalar_texels,
     mean_texels as mean_texels,
+    texel_change as texel_change,
     texel_gradients as texel_gradients,
     texel_rules as texel_rules,
 )

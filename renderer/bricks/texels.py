@@ -126,6 +126,18 @@ def texel_gradients(bricks: Bricks, magnitudes: Float64) -> Float64:
     return np.asarray(np.minimum(scaled, np.finfo(np.float32).max))
 
 
+def texel_change(bricks: Bricks) -> float:
+    """Return the change over the finest spacing, in texels, along a gradient whose length in texels is 1.
+
+    Of labels it is the change of smoothed opacities.
+    """
+    volume, (width, factor) = bricks.volume, range_width(*bricks.scalar_range)
+    change = float(np.abs(_world_from_gradient(volume)).max()) * volume.finest_spacing
+    if not volume.is_labels:
+        change *= factor / width / _unit_scale(*bricks.volume_range)
+    return min(change, float(np.finfo(np.float32).max))
+
+
 def _world_from_gradient(volume: Volume) -> Float64:
     """Return the matrix that takes gradients per voxel to gradients per world unit, float64 [3, 3]."""
     return np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]).T)

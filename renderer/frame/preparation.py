@@ -152,7 +152,7 @@ class StageMaker:
             if digest not in made:
                 options: dict[str, Any] = {"finest_cut": finest_cut, "num_threads": self.num_threads, "lap": lap}
                 made[digest] = self.layers.get(digest) or make_layer(spec, scene, volume, **options)
-            layers.append(replace(made[digest], spec=spec))
+            layers.append(replace(made[digest], spec=spec, shading=scene.shading_of(spec)))
         self.layers = made
         return tuple(layers)
 

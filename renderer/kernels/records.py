@@ -119,6 +119,9 @@ class Light(NamedTuple):
     factors: NDArray[np.float32]
     # The position of the volume's centre in `grid` (x, y, z), in cells.
     first_cell: NDArray[np.float64]
+    # The change over the finest spacing, in texels, along a gradient of the length 1 between texels; of labels, in
+    # smoothed opacities.
+    change_per_length: float
 
 
 class FieldMask(NamedTuple):
@@ -181,11 +184,31 @@ class Field(NamedTuple):
     mask: FieldMask | None
 
 
+class SurfaceCells(NamedTuple):
+    """The light on surfaces, as in SurfaceLight (renderer/lighting/scene_light.py)."""
+
+    # [z, y, x, 12]: the flux along x (r, g, b), y and z at the middles of cells, and three numbers more.
+    flux: NDArray[np.float32]
+    # The share of light that a surface reflects, from 0 to 1; the remainder is scattered.
+    share: float
+    # The coefficient and the exponent of highlights.
+    specular: float
+    shininess: float
+    # The unit vector to the middle of the key light, in world axes.
+    key: NDArray[np.float64]
+    # [rgb]: the irradiance of the key light, divided by pi.
+    key_light: NDArray[np.float64]
+
+
 class RadianceCells(NamedTuple):
     """The mean radiance in matter that scatters light, on a grid over all layers (renderer/lighting/scene_light.py)."""
 
-    # [z, y, x, 4]: the mean radiance (r, g, b) at the middles of cells, and one number more.
+    # [z, y, x, 4]: the mean radiance (r, g, b) at the middles of cells, and the share of the key light that arrives
+    # straight.
     cells: NDArray[np.float32]
+    # The light on surfaces; None if no surface reflects light. Otherwise fields have a light of the viewer, for their
+    # gradients.
+    surface: SurfaceCells | None
     # [3, 4]: the matrix from positions in index space, relative to the centre of the layers' volume, to cells. The
     # middle of cell i is at i.
     cells_from_index: NDArray[np.float64]
@@ -518,8 +541,20 @@ class PathMedium(NamedTuple):
     index_from_world: NDArray[np.float64]
     # [3, 4]: the transformation from the layer's index space to the world.
     world_from_index: NDArray[np.float64]
+    # The finest spacing of voxels.
+    voxel: float
     # The mask of the layer; None without a mask.
     mask: PathMask | None
+
+
+class PathSurface(NamedTuple):
+    """The surfaces of layers, as in SurfaceSpec (renderer/scene/light_section.py)."""
+
+    # The largest share of a point that is a surface.
+    share: float
+    # The coefficient and the exponent of highlights.
+    specular: float
+    shininess: float
 
 
 class PathLight(NamedTuple):
@@ -535,6 +570,10 @@ class PathLight(NamedTuple):
     key_rise: float
     # [rgb]: the integral of the key light's radiance over its solid angle.
     key_irradiance: NDArray[np.float64]
+    # The factor on albedos of matter that light meets on its way; points of rays have their whole albedo.
+    scattering: float
+    # The surfaces on which paths may begin; None without surfaces.
+    surface: PathSurface | None
 
 
 class ClipRegion(NamedTuple):

@@ -41,7 +41,7 @@ class LayerGroup:
     @property
     def draws_voxels_only(self) -> bool:
         """Return whether single voxels are drawn at every tolerance, because means of larger cells lack the shading."""
-        lit = [(layer.spec.shading, layer.volume.is_labels) for layer in self.layers if layer.spec.shading is not None]
+        lit = [(layer.shading, layer.volume.is_labels) for layer in self.layers if layer.shading is not None]
         return any(shading.is_pointwise or is_labels for shading, is_labels in lit)
 
 
@@ -64,7 +64,7 @@ def _bricks_of(group: Sequence[Layer], scene: Scene, light: SceneLight | None) -
         return extremes.bricks
     is_projection = scene.mode.is_projection  # the weights of projections are factors on pictures, not on extinctions
     bricks = [
-        BrickLayer(each.bricks, each.spec.shading, 1.0 if is_projection else each.spec.weight)
+        BrickLayer(each.bricks, each.shading, 1.0 if is_projection else each.spec.weight)
         for each in group
         if each.bricks is not None
     ]

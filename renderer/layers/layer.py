@@ -17,7 +17,7 @@ from renderer.layers.label_numbers import leave_out_masked, number_labels
 from renderer.lighting import compute_light_grid
 from renderer.modes import Projection, make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid
-from renderer.scene import RAMP_THICKNESS, FilmScene, LayerSpec, OverFrames, Scene
+from renderer.scene import RAMP_THICKNESS, FilmScene, LayerSpec, OverFrames, Scene, ShadingSpec
 from renderer.transfer import NO_LIGHT_GRID, TransferFunction, albedos_of, make_transfer_function
 from renderer.view import are_clipped_away, place_object_clips
 from renderer.volume import Volume, move_volume
@@ -31,6 +31,7 @@ class Layer:
     volume: the volume; labels in it are replaced by their numbers.
     transfer: the scene's colours and opacities.
     projection: the projection of the scene's mode; None for emission and absorption.
+    shading: the scene's shading of the layer, or the shading by which surfaces are found in a scene with `light`.
     optics: the transfer function that is drawn: the projection's, the albedos of matter that scatters light, or the
         scene's.
     light_grid: the light that reaches each place in the volume.
@@ -44,6 +45,7 @@ class Layer:
     volume: Volume
     transfer: TransferFunction
     projection: Projection | None
+    shading: ShadingSpec | None
     optics: TransferFunction
     light_grid: LightGrid
     pyramid: Pyramid
@@ -97,7 +99,7 @@ class _Held:
     @classmethod
     def by(cls, spec: LayerSpec, scene: Scene) -> _Held:
         """Return the choice of the parts of a scene on which one of its layers depends."""
-        shading = spec.shading
+        shading = scene.shading_of(spec)
         has_light_grid = shading is not None and shading.has_light_grid
         has_shadow = shading is not None and shading.shadow > 0
         is_whole = shading is None or (shading.lambert is not None and spec.transfer_function.labels is None)
@@ -106,7 +108,7 @@ class _Held:
 
 def _parts(spec: LayerSpec, scene: Scene, held: _Held) -> tuple[Any, ...]:
     """Return the parts of a scene that a layer is made from, as `layer_parts` does. held: the choice of the parts."""
-    shading: Any = spec.shading
+    shading: Any = scene.shading_of(spec)
     if shading is not None and not held.shading:
         light = shading.light if held.light else None
         shading = light, shading.occlusion, shading.shadow, shading.occlusion_radius
@@ -151,15 +153,16 @@ def make_layer(
     projection = make_projection(scene.mode, transfer, volume)
     optics = _optics_of(transfer, projection, scene, volume)
     light_grid = NO_LIGHT_GRID
-    if spec.shading is not None and spec.shading.has_light_grid:
+    shading = scene.shading_of(spec)
+    if shading is not None and shading.has_light_grid:
         clip = place_object_clips(volume, scene.clip + spec.clip)
         are_removed = None if clip is None else partial(are_clipped_away, clip)
         light_grid = compute_light_grid(
-            volume, optics, spec.shading, are_removed=are_removed, num_threads=num_threads,
+            volume, optics, shading, are_removed=are_removed, num_threads=num_threads,
             kept=KeptArrays.of("light", digest, num_bytes), ranges=ranges,
         )  # fmt: skip
         lap("light")
-    baked = spec.shading and spec.shading.lambert  # other shading is computed at samples between voxels
+    baked = shading and shading.lambert  # other shading is computed at samples between voxels
     baked = None if volume.is_labels else baked
     options: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": baked}
     options |= {"light_grid": light_grid, "num_threads": num_threads}
@@ -167,7 +170,7 @@ def make_layer(
     if scene.needs_opengl:
         pyramid = build_pyramid(volume, optics, finest_cut=finest_cut, ranges=ranges, **options)
     else:
-        has_lit_labels = volume.is_labels and spec.shading is not None
+        has_lit_labels = volume.is_labels and shading is not None
         kept = KeptArrays.of("bricks", digest, num_bytes)
         bricks = make_bricks(volume, optics, has_lit_labels=has_lit_labels, kept=kept, ranges=ranges, **options)
         pyramid = bricks.pyramid
@@ -177,7 +180,7 @@ def make_layer(
             alone = BrickLayers((BrickLayer(bricks),), spec.clip)
             extremes = extreme_bricks(alone, scene.mode)
     lap("pyramid")
-    return Layer(spec, volume, transfer, projection, optics, light_grid, pyramid, bricks, extremes, digest)
+    return Layer(spec, volume, transfer, projection, shading, optics, light_grid, pyramid, bricks, extremes, digest)
 
 
 def with_level(layer: Layer, volume: Volume | None, scene: Scene) -> Layer:

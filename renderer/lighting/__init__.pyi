@@ -13,6 +13,7 @@ from .radiance_grid import (
 )
 from .scene_light import (
     SceneLight as SceneLight,
+    SurfaceLight as SurfaceLight,
     solve_scene_light as solve_scene_light,
     sources_of as sources_of,
 )

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.scene import Vector
+from renderer.scene import SurfaceSpec, Vector
 from renderer.volume import Float64
 
 
 class LightSources(NamedTuple):
-    """The sources of light around the object, in world axes and linear light."""
+    """The sources of light around the object, in world axes and linear light, and how surfaces reflect their light."""
 
     # The axis of the environment, a unit vector.
     up: Vector
@@ -27,6 +27,10 @@ class LightSources(NamedTuple):
     key_radius: float
     # [rgb]: the integral of the key light's radiance over its solid angle; 0 without a key light.
     key_irradiance: Float64
+    # The factor on albedos of matter that light meets on its way, from 0 to 1; points of rays have their whole albedo.
+    scattering: float = 1.0
+    # How surfaces reflect light that reaches the eye; None if no point is a surface.
+    surface: SurfaceSpec | None = None
 
 
 def environment_radiance(sources: LightSources, directions: Float64) -> Float64:

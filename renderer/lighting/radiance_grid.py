@@ -247,6 +247,8 @@ class _Solve:
         self._threads.map(
             lambda block: prepare(block=block, albedos=albedos, along_x=along_x, along_z=along_z), self._blocks
         )
+        if self._sources.scattering < 1:
+            albedos *= np.float32(self._sources.scattering)
         return shares
 
     def _key_light(self) -> Float32:

@@ -10,10 +10,24 @@ import numpy as np
 from renderer.lighting.environment import LightSources
 from renderer.lighting.exposure import choose_stops
 from renderer.lighting.matter_grid import Matter
-from renderer.lighting.radiance_grid import compute_radiance_grid
-from renderer.scene import LightSpec, Vector
+from renderer.lighting.radiance_grid import RadianceGrid, compute_radiance_grid
+from renderer.scene import LightSpec, SurfaceSpec, Vector
 from renderer.transfer import linear_of_srgb
 from renderer.volume import Float32, Float64
+
+
+class SurfaceLight(NamedTuple):
+    """The light on surfaces in the matter of a scene."""
+
+    # How surfaces reflect light.
+    spec: SurfaceSpec
+    # [z, y, x, 12]: the flux, as in RadianceGrid, times the exposure: along x (r, g, b), y and z. The last three
+    # numbers are 0.
+    flux: Float32
+    # The unit vector to the middle of the key light.
+    key: Vector
+    # [rgb]: the irradiance of the key light, divided by pi, times the exposure.
+    key_light: Float64
 
 
 class SceneLight(NamedTuple):
@@ -24,10 +38,12 @@ class SceneLight(NamedTuple):
     # The width of a cell, in the world.
     cell: float
     # [z, y, x, 4]: the mean radiance (r, g, b), times the exposure; matter shows its albedo times it. The fourth number
-    # is 0.
+    # is the share of the key light that arrives straight.
     radiance: Float32
     # The exposure: the power of 2 by which all light was multiplied.
     stops: float
+    # The light on surfaces; None if no point is a surface.
+    surface: SurfaceLight | None
 
 
 def solve_scene_light(
@@ -39,12 +55,23 @@ def solve_scene_light(
 
     Raises InputError if the light does not fit into memory, or if a volume's file was changed.
     """
-    grid = compute_radiance_grid(layers, sources_of(light), num_threads=num_threads)
+    sources = sources_of(light)
+    grid = compute_radiance_grid(layers, sources, with_flux=sources.surface is not None, num_threads=num_threads)
     stops = stops if light.exposure is None else light.exposure
     stops = choose_stops(grid) if stops is None else stops
     radiance = np.zeros((*grid.mean_radiance.shape[:3], 4), np.float32)
     radiance[..., :3] = grid.mean_radiance * np.float32(2.0**stops)
-    return SceneLight(grid.origin, grid.cell, radiance, stops)
+    radiance[..., 3] = grid.key
+    return SceneLight(grid.origin, grid.cell, radiance, stops, _surface_light(grid, sources, stops))
+
+
+def _surface_light(grid: RadianceGrid, sources: LightSources, stops: float) -> SurfaceLight | None:
+    if grid.flux is None or sources.surface is None:
+        return None
+    shape = grid.flux.shape[:3]
+    flux = np.zeros((*shape, 12), np.float32)
+    flux[..., :9] = grid.flux.reshape(*shape, 9) * np.float32(2.0**stops)
+    return SurfaceLight(sources.surface, flux, sources.key, sources.key_irradiance / np.pi * 2.0**stops)
 
 
 def sources_of(light: LightSpec) -> LightSources:
@@ -55,10 +82,11 @@ def sources_of(light: LightSpec) -> LightSources:
     mean = (top + bottom) / 2
     # The quadratic in the cosine with these values at 1, 0 and -1, as a sum of P0, P1 and P2.
     bands = np.stack([(mean + 2 * horizon) / 3, (top - bottom) / 2, (mean - horizon) * 2 / 3])
-    if light.key is None:
-        return LightSources(_unit(light.up), bands, (0.0, 0.0, 1.0), 14.0, np.zeros(3))
-    irradiance = np.pi * light.key.strength * linear_of_srgb(light.key.color)
-    return LightSources(_unit(light.up), bands, _unit(light.key.direction), light.key.radius, irradiance)
+    key, radius, irradiance = (0.0, 0.0, 1.0), 14.0, np.zeros(3)
+    if light.key is not None:
+        key, radius = _unit(light.key.direction), light.key.radius
+        irradiance = np.pi * light.key.strength * linear_of_srgb(light.key.color)
+    return LightSources(_unit(light.up), bands, key, radius, irradiance, light.scattering, light.surfaces)
 
 
 def _unit(vector: Vector) -> Vector:

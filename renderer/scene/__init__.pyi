@@ -77,6 +77,7 @@ from .light_section import (
     EnvironmentSpec as EnvironmentSpec,
     KeySpec as KeySpec,
     LightSpec as LightSpec,
+    SurfaceSpec as SurfaceSpec,
 )
 from .limits import (
     camera_problems as camera_problems,

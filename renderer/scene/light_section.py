@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from renderer.scene import schema
 from renderer.scene.camera_section import direction_field
@@ -12,6 +12,7 @@ from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.message_text import join_words
 from renderer.scene.mode_section import ModeSpec
 from renderer.scene.schema import INVALID, Color, TreeNode, Vector
+from renderer.scene.shading_section import MAX_SHININESS, ShadingSpec, refuse_larger_cells
 from renderer.scene.splat_section import SplatSpec
 
 # The largest strength of a key light.
@@ -77,8 +78,25 @@ class KeySpec:
     radius: Annotated[float, _RADIUS] = 14.0
 
 
+_SHARE = schema.still(schema.number_field(minimum=0, maximum=1))
+_SHININESS = schema.still(schema.number_field(above=0, maximum=MAX_SHININESS))
 _STOPS = schema.still(schema.number_field(minimum=-MAX_STOPS, maximum=MAX_STOPS))
 _EXPOSURE = schema.word_or({"auto": None}, _STOPS, f"auto, or {_STOPS.expected}")
+
+
+class SurfaceSpec(NamedTuple):
+    """The keys of `light` that say how surfaces reflect light."""
+
+    # The largest share of a point that is a surface, above 0, at most 1.
+    share: float
+    # The coefficient and the exponent of highlights, as in ShadingSpec.
+    specular: float
+    shininess: float
+
+    @property
+    def shading(self) -> ShadingSpec:
+        """Return a shading by which surfaces are found, as it has gradients and cut faces; its light is not used."""
+        return ShadingSpec(light="camera")
 
 
 @dataclass(frozen=True)
@@ -86,6 +104,16 @@ class LightSpec:
     """The keys of `light`. Colours of the transfer function are then reflectances of opaque matter in even white light.
 
     up: the direction to the top of the environment, in world axes. key: None for no key light.
+    scattering: the factor on albedos of matter that light meets on its way. Points of rays have their whole albedo.
+    surface: u in the share w = u g of a point that is a surface. With the albedo a and the mean radiance phi, the point
+        shows (1 - w) a phi + w (c E(n) / pi + highlights). E(n) is the irradiance of a plane whose normal is n, and c a
+        reflectance with which opaque matter shows the same colour as without surfaces in even light
+        (`surface_reflectance`). g is the change of a voxel's opacity between the points one finest spacing before and
+        behind along the gradient, and n points to less opacity. Of labels, g is 3.2 times the gradient of smoothed
+        opacities over the finest spacing, at most 1. Faces that clip cuts have their own normals, and g is there the
+        opacity of a voxel at the point; they share points with the gradient as with `ShadingSpec.cut_faces`.
+    specular, shininess: highlights of the key light on surfaces, `specular max(0, n . h)^shininess` times its
+        irradiance over pi where n . l > 0, with the directions of ShadingSpec to the middle of the key light.
     exposure: the power of 2 by which all light is multiplied. None chooses it on the first frame, so that nine tenths
         of the visible matter are at most as bright as in even white light.
     """
@@ -93,7 +121,16 @@ class LightSpec:
     environment: Annotated[EnvironmentSpec, _ENVIRONMENT] = ENVIRONMENTS["studio"]
     up: Annotated[Vector, _UP] = (0.0, 0.0, 1.0)
     key: KeySpec | None = None
+    scattering: Annotated[float, _SHARE] = 1.0
+    surface: Annotated[float, _SHARE] = 0.0
+    specular: Annotated[float, _SHARE] = 0.0
+    shininess: Annotated[float, _SHININESS] = 32.0
     exposure: Annotated[float | None, _EXPOSURE] = None
+
+    @property
+    def surfaces(self) -> SurfaceSpec | None:
+        """Return how surfaces reflect light; None if no point is a surface."""
+        return SurfaceSpec(self.surface, self.specular, self.shininess) if self.surface > 0 else None
 
     def written(self) -> dict[str, object]:
         """Return the keys of the section with their values."""
@@ -105,8 +142,12 @@ def check_light(node: TreeNode, given: Mapping[str, Any], layers: Sequence[tuple
 
     node: the node of the whole scene. given: the sections of the scene. layers: the nodes of layers, and the layers.
     """
-    if not isinstance(given.get("light"), LightSpec):
+    light = given.get("light")
+    if not isinstance(light, LightSpec):
         return
+    if light.surface is not INVALID and light.surface > 0:
+        hint = "all visible voxels are drawn with light.surface"
+        refuse_larger_cells(node.child("light").key("surface"), given.get("error"), hint)
     key, places = node.key("light"), [node, *(place for place, _ in layers if place.path != node.path)]
     lit = [given.get("shading"), *(layer.shading for place, layer in layers if place.path != node.path)]
     for place, shading in zip(places, lit, strict=True):

@@ -241,6 +241,12 @@ class Scene(FilmScene):
         """Return the scene with the given values in fields of all its layers. changes: values by names of fields."""
         return replace(self, layers=tuple(replace(layer, **changes) for layer in self.layers))
 
+    def shading_of(self, layer: LayerSpec) -> ShadingSpec | None:
+        """Return the shading of a layer; in a scene with `light`, the shading by which its surfaces are found."""
+        if self.light is None:
+            return layer.shading
+        return None if self.light.surfaces is None else self.light.surfaces.shading
+
     def written(self) -> dict[str, object]:
         """Return the sections of the scene by their keys."""
         found = {**vars(self), **self._written_layers()}

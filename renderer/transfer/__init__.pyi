@@ -33,4 +33,4 @@ from .transfer_function import (
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .albedos import albedo_of_thick as albedo_of_thick
+from .albedos import albedo_of_thick as albedo_of_thick, surface_reflectance as surface_reflectance

@@ -31,6 +31,9 @@ _NEWTON_STEPS = 6
 # The coefficients of van de Hulst's fit.
 _OF_NUMERATOR = 0.139
 _OF_DENOMINATOR = 1.17
+# The coefficient of the light that matter absorbs on its way to surfaces in it. A half-space under an even sky, by its
+# integral equation, has 1.59 at the albedo 0, 1.68 at 0.5 and 1.79 at 0.99.
+_OF_SURFACE = 1.68
 
 
 def albedos_of(transfer: TransferFunction, finest_spacing: float) -> TransferFunction:
@@ -72,6 +75,17 @@ def color_of_thick(albedos: npt.ArrayLike) -> Float64:
     """Return the linear colours that half-spaces of the given albedos, from 0 to 1, show in even light."""
     root = np.sqrt(np.maximum(1 - np.asarray(albedos, np.float64), 0.0))
     return np.asarray((1 - _OF_NUMERATOR * root) * (1 - root) / (1 + _OF_DENOMINATOR * root))
+
+
+def surface_reflectance(albedos: npt.ArrayLike) -> Float64:
+    """Return the reflectances, in linear light, of surfaces in matter of the given albedos, from 0 to 1.
+
+    A point of a ray is a surface with matter before it, which dims its light. With s = sqrt(1 - w), a half-space of
+    surfaces of reflectance 1 in matter of the albedo w shows about 1 / (1 + 1.68 s), within 3 %. Divided by it, the
+    colour of thick matter is shown by a half-space of surfaces, too. Kernels have the same formula.
+    """
+    root = np.sqrt(np.maximum(1 - np.asarray(albedos, np.float64), 0.0))
+    return np.asarray(color_of_thick(albedos) * (1 + _OF_SURFACE * root))
 
 
 def linear_of_srgb(colors: npt.ArrayLike) -> Float64:

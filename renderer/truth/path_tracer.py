@@ -10,6 +10,9 @@ weights add up, and so do their products with albedos. Matter that clip planes, 
 for light either. The kernel `truth_paths.cpp` says how paths are followed. Radiance is linear; a ray does not show the
 sources of light behind the matter.
 
+With surfaces, a share w of a point shows the light c E(n) / pi of a surface of normal n in place of a phi, and
+highlights, as `LightSpec` says. E(n) has all light that arrives from the side of the normal.
+
 Volumes whose voxels are colours, and factors on extinction by the gradient, are not supported.
 """
 
@@ -20,8 +23,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from renderer.errors import RenderError
-from renderer.kernels import IndexRays, PathLight, PathMask, PathMedium, kernels
+from renderer.kernels import IndexRays, PathLight, PathMask, PathMedium, PathSurface, kernels
 from renderer.lighting import LightSources
+from renderer.transfer import NO_LIGHT_GRID
 from renderer.truth.integrator import Progress, ignore, in_parts, index_rays
 from renderer.truth.kept_parts import removed_sets
 from renderer.truth.optics import TrueLayer, for_macrocells, optics_of, voxels_of
@@ -47,10 +51,11 @@ class PathTracer:
                     where=layer.volume.name,
                     hint="leave the volume out, or measure the scene without `light`",
                 )
+        shading = None if light.surface is None else light.surface.shading
         self._layers, self._num_threads = tuple(layers), num_threads
         self._centre = np.mean([layer.volume.centre for layer in layers], axis=0)
         self._trace = kernels().trace_paths.partial(
-            layers=[optics_of(layer._replace(shading=None)) for layer in layers],
+            layers=[optics_of(layer._replace(shading=shading, light_grid=NO_LIGHT_GRID)) for layer in layers],
             media=[self._medium_of(layer) for layer in layers],
             light=_light_of(light),
         )
@@ -87,6 +92,7 @@ class PathTracer:
             majorants=for_macrocells(volume, np.nan),
             index_from_world=np.ascontiguousarray(np.linalg.inv(self._world_from_index(volume))[:3]).ravel(),
             world_from_index=self._world_from_index(volume)[:3].ravel(),
+            voxel=volume.finest_spacing,
             mask=None if mask is None else self._mask_of(mask),
         )
 
@@ -113,6 +119,8 @@ def _light_of(light: LightSources) -> PathLight:
         key=np.array(light.key, np.float64),
         key_rise=_rise_of(light.key_radius),
         key_irradiance=np.array(light.key_irradiance, np.float64),
+        scattering=light.scattering,
+        surface=None if light.surface is None else PathSurface(*light.surface),
     )
 
 

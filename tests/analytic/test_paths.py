@@ -291,6 +291,16 @@ def test_the_same_bytes_with_any_number_of_threads_and_on_every_machine() -> Non
     assert blake2b(one.tobytes(), digest_size=8).hexdigest() == "dffa435b29e0663d"
 
 
+def test_light_that_is_not_scattered_on_its_way_is_scattered_once() -> None:
+    """A half-space under a key light: albedo / 4 times the irradiance over pi, over 1 + 1, whatever the albedo."""
+    light = sources(irradiance=np.pi)._replace(scattering=0.0)
+    found, error = traced([slab(60.0, 0.9)], light, 20000)
+    assert found[0] == pytest.approx(0.9 / 4 / 2, abs=FOUR * error[0])
+    half, error = traced([slab(60.0, 0.9)], light._replace(scattering=0.5), 20000)
+    whole, _ = traced([slab(60.0, 0.45)], light._replace(scattering=1.0), 20000)
+    assert half[0] == pytest.approx(2 * whole[0], abs=2 * FOUR * error[0])
+
+
 def test_other_seeds_have_other_paths() -> None:
     """Paths, too, and not only their places, which make no difference in even matter."""
     layer = slab(1.0, 0.5)

@@ -198,6 +198,7 @@ def test_sources_are_linear_light() -> None:
     sources = sources_of(LightSpec(up=(0.0, 2.0, 0.0), key=KeySpec((0.0, 0.0, 1e20), (1.0, 0.5, 0.0), 2.0, 5.0)))
     assert sources.up == (0, 1, 0) and sources.key == (0, 0, 1) and sources.key_radius == 5
     np.testing.assert_allclose(sources.key_irradiance, [2 * np.pi, 2 * np.pi * 0.2140411, 0], rtol=1e-6)
+    assert sources.scattering == 1 and sources_of(LightSpec(scattering=0.25)).scattering == 0.25
     a0, a1, a2 = sources.environment  # at the cosines 1, 0 and -1
     studio = LightSpec().environment
     for found, color in ((a0 + a1 + a2, studio.top), (a0 - a2 / 2, studio.horizon), (a0 - a1 + a2, studio.bottom)):

@@ -42,6 +42,7 @@ def test_powers_keep_their_digits(exponent: float) -> None:
         world_from_index=np.eye(3),
         factors=np.empty((0, 3), np.float32),
         first_cell=np.zeros(3),
+        change_per_length=1.0,
     )
     got = drawn(np.full(len(cosines), 50.0), light=light, gradients=gradients)[:, 0]
     wide = gradients.astype(np.float64)

@@ -312,6 +312,16 @@ def test_cells_are_wider_where_there_would_be_too_many() -> None:
     assert grid.mean_radiance.shape == (5, 5, 32, 3)
 
 
+def test_scattering_multiplies_albedos() -> None:
+    """Half of the scattering is half of the albedo, and none is the light of black matter."""
+    field = noise((13, 9, 11), 4.0)
+    for factor, same in ((0.5, 0.4), (0.0, 0.0)):
+        sources = lights(irradiance=2.0)._replace(scattering=factor)
+        found = compute_radiance_grid([matter_of(field, 0.8)], sources, cell_voxels=1)
+        expected = compute_radiance_grid([matter_of(field, same)], lights(irradiance=2.0), cell_voxels=1)
+        np.testing.assert_allclose(found.mean_radiance, expected.mean_radiance, atol=0.01)
+
+
 def test_flux_gives_the_irradiance_of_surfaces() -> None:
     """Above and below an opaque, black plane: pi of the sky, and nothing."""
     grid = compute_radiance_grid([matter_of(even((40, 40, 4), 40.0), 0.0)], lights(), cell_voxels=1, with_flux=True)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bricks import BrickLayer, BrickLayers, texel_gradients
-from renderer.kernels import Light, RadianceCells, Shading
+from renderer.bricks import BrickLayer, BrickLayers, texel_change, texel_gradients
+from renderer.kernels import Light, RadianceCells, Shading, SurfaceCells
+from renderer.lighting import SurfaceLight
 from renderer.transfer import toward_light
 from renderer.volume import Float32
 
@@ -37,6 +38,7 @@ def make_light(layer: BrickLayer) -> Light | None:
         world_from_index=world_from_index / np.abs(world_from_index).max(),
         factors=_factors(layer),
         first_cell=(volume.centre_index + 0.5) / grid.cell_size + 0.5,
+        change_per_length=texel_change(layer.bricks),
     )
 
 
@@ -57,4 +59,19 @@ def radiance_cells(layers: BrickLayers) -> RadianceCells | None:
         return None
     origin = (volume.centre - light.origin) / light.cell - 0.5
     cells_from_index = np.column_stack([volume.world_from_index[:3, :3] / light.cell, origin])
-    return RadianceCells(cells=light.radiance, cells_from_index=cells_from_index.ravel())
+    return RadianceCells(
+        cells=light.radiance,
+        surface=None if light.surface is None else _surface_cells(light.surface),
+        cells_from_index=cells_from_index.ravel(),
+    )
+
+
+def _surface_cells(surface: SurfaceLight) -> SurfaceCells:
+    return SurfaceCells(
+        flux=surface.flux,
+        share=surface.spec.share,
+        specular=surface.spec.specular,
+        shininess=surface.spec.shininess,
+        key=np.array(surface.key, np.float64),
+        key_light=surface.key_light,
+    )

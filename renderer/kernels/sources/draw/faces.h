@@ -50,16 +50,15 @@ INLINE void for_faces(const Faces& faces, const Three& at, Take take) {
 }
 
 // Return the light at samples: the light by the gradient, mixed with the light by the normals of cut faces near the sample.
-// lit_of: a function that returns the light for a gradient.
-template <class LitOf>
-INLINE Lit lit_with_faces(const Faces& faces, const Three& at, const Three& gradient, LitOf lit_of) {
-    Lit lit = lit_of(gradient);
-    Floats zero = in_all<Floats>(0.0f), rest = zero + 1.0f, sum = zero, factors = zero, shine = zero;
+// lit: the light by the gradient. lit_of: a function that returns the light for a gradient.
+template <class Light, class LitOf>
+INLINE Light with_faces(const Faces& faces, const Three& at, const Light& lit, LitOf lit_of) {
+    Floats zero = in_all<Floats>(0.0f), rest = zero + 1.0f, sum = zero;
+    Light of_faces = {};
     for_faces(faces, at, [&](Floats weight, const Three& normal) {
-        Lit of_face = lit_of({-normal.x, -normal.y, -normal.z});
-        factors = fma(weight, of_face.factor, factors), shine = fma(weight, of_face.shine, shine);
+        of_faces = of_faces.plus(weight, lit_of(Three{-normal.x, -normal.y, -normal.z}));
         rest *= 1.0f - weight, sum += weight;
     });
     Floats share = where(mask_of(sum > 0.0f), (1.0f - rest) / sum, zero);
-    return {fma(rest, lit.factor, share * factors), fma(rest, lit.shine, share * shine), lit.length};
+    return Light{}.plus(share, of_faces).plus(rest, lit);
 }

@@ -3,7 +3,7 @@
 #include "draw/atlas.h"
 #include "draw/faces.h"
 #include "draw/mask.h"
-#include "draw/radiance.h"
+#include "draw/surface.h"
 
 // The kinds of bricks, by the meaning of their texels and by their light.
 enum Kind {
@@ -15,6 +15,8 @@ enum Kind {
     LAMBERT,
     // Texels are scalars, with light as in the record Light.
     LIT,
+    // Texels are scalars in matter that scatters light, whose surfaces reflect light.
+    SURFACE,
     // Several layers have texels, each of one of the other kinds.
     SEVERAL,
 };
@@ -50,12 +52,15 @@ struct Lighting {
     Ways ways;
     // The position of texel 0 of the brick in the light grid, in cells along x, y, z.
     float origin[3];
+    // The light in matter that scatters it, with which surfaces are lit.
+    const BrickRadiance* radiance;
 };
 
 // Return the lighting of rays in a brick. direction: the direction of the rays in index space, of any length.
-INLINE Lighting lighting_of(const Light& light, const Box& box, const Three& direction, const Faces* faces) {
+INLINE Lighting lighting_of(const Light& light, const Box& box, const Three& direction, const Faces* faces,
+                            const BrickRadiance& radiance) {
     return {faces, aim(light, direction),
-            {place_brick(light, box, 0), place_brick(light, box, 1), place_brick(light, box, 2)}};
+            {place_brick(light, box, 0), place_brick(light, box, 1), place_brick(light, box, 2)}, &radiance};
 }
 
 // Classified samples of a layer, one in each lane.
@@ -96,13 +101,13 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
         found.visible &= mask_of(found.sample.tau > 0.0f);
     }
     if (!any_of(found.visible)) return found;
-    auto lit = [&](auto lit_of) {
-        Three gradient = gradient_at(texels, cell, shares);
-        if (lighting.faces == nullptr) return lit_of(gradient);
+    auto cut = [&](const auto& by_gradient, auto lit_of) {
+        if (lighting.faces == nullptr) return by_gradient;
         auto [x, y, z] = texel();
         auto origin = [&](int axis) { return (float)(box.corner[axis] - TEXEL_OFFSET); };
-        return lit_with_faces(*lighting.faces, {x + origin(0), y + origin(1), z + origin(2)}, gradient, lit_of);
+        return with_faces(*lighting.faces, {x + origin(0), y + origin(1), z + origin(2)}, by_gradient, lit_of);
     };
+    auto lit = [&](auto lit_of) { return cut(lit_of(gradient_at(texels, cell, shares)), lit_of); };
     if constexpr (KIND == LAMBERT) {
         Floats zero = in_all<Floats>(0.0f);
         auto lit_of = [&](const Three& slope) { return Lit{light_factor(slope, field.lambert), zero, zero}; };
@@ -113,6 +118,21 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
         Arriving arriving = arriving_shares(light, texel(), lighting.origin);
         auto lit_of = [&](const Three& slope) { return lit_at(slope, lighting.ways, arriving, light.shading); };
         found.sample = illuminate(found.sample, lit(lit_of), light);
+    }
+    if constexpr (KIND == SURFACE) {
+        Three gradient = gradient_at(texels, cell, shares);
+        const Floats rise = rise_of_opacity(field, table, scalar, gradient);
+        if (lighting.faces == nullptr && !any_of(found.visible & mask_of(rise != 0.0f))) {
+            scatter(*lighting.radiance, texel(), found.sample);
+            return found;
+        }
+        const SurfacePoint point = surface_point(*lighting.radiance, texel(), found.sample, lighting.ways.to_viewer);
+        const Mask falls = mask_of(rise < 0.0f);
+        auto turned = [&](Floats along) { return where(falls, -along, along); };
+        gradient = {turned(gradient.x), turned(gradient.y), turned(gradient.z)};
+        const Floats own_opacity = opacity_of_depth(found.sample.tau);
+        auto of_face = [&](const Three& slope) { return point.reflected(slope, own_opacity); };
+        found.sample = point.shown(found.sample, cut(point.reflected(gradient, magnitude(rise)), of_face));
     }
     return found;
 }
@@ -174,8 +194,16 @@ struct ShownLayers {
 
     INLINE Kind kind(int64_t number) const {
         const Field& field = *fields[number];
-        return has_means(number) ? MEANS : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
+        if (has_means(number)) return MEANS;
+        return reflects() ? SURFACE : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
     }
+
+    // Return whether surfaces in the brick reflect light. Means have no surfaces.
+    INLINE bool reflects() const { return bricks->radiance.exists && bricks->radiance.value.surface.exists && !is_mean; }
+
+    // Return whether the colours of samples are still to be multiplied by the mean radiance: samples whose surfaces
+    // reflect light have been.
+    INLINE bool are_albedos() const { return bricks->radiance.exists && !reflects(); }
 
     // Return whether a mask hides a part of a layer in a brick of voxels. In a brick of means it does not: they are made
     // from the voxels that the mask shows.
@@ -264,7 +292,8 @@ INLINE void add_sample(Sample& sum, const Classified& found, float scale, bool i
 // is known at compile time, tables stay in registers: two layers take 1.4 times as long as one, and otherwise 2.2 times.
 template <int NUM>
 INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& box,
-                            const Places& places, [[maybe_unused]] const Three& direction) {
+                            const Places& places, [[maybe_unused]] const Three& direction,
+                            [[maybe_unused]] const BrickRadiance& radiance) {
     Floats zero = in_all<Floats>(0.0f);
     Sample sum = {zero, zero, zero, zero};
     if constexpr (NUM > 0) {
@@ -281,11 +310,12 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
         Kind kind = shown.kind(k);
         bool is_cut = shown.is_cut(k, brick);
         const Faces all = shown.all_faces(), *faces = shown.faces(k, brick, all);
+        auto lighting = [&] { return lighting_of(field.light.value, box, direction, faces, radiance); };
         Classified found = kind == MEANS ? sample_field<MEANS>(field, table, texels, places, {}, box, is_cut)
             : kind == UNLIT              ? sample_field<UNLIT>(field, table, texels, places, {}, box, is_cut)
-            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {faces, {}, {}}, box, is_cut)
-                                         : sample_field<LIT>(field, table, texels, places,
-                                                             lighting_of(field.light.value, box, direction, faces), box, is_cut);
+            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {faces, {}, {}, {}}, box, is_cut)
+            : kind == LIT ? sample_field<LIT>(field, table, texels, places, lighting(), box, is_cut)
+                          : sample_field<SURFACE>(field, table, texels, places, lighting(), box, is_cut);
         if (any_of(found.visible)) add_sample(sum, found, shown.scale(k), kind == MEANS);
     }
     return sum;
@@ -326,8 +356,11 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
 inline bool is_complete(const LayerBricks& bricks) {
     if (bricks.fields.shape[0] < 1 || !match(bricks.is_mean, bricks.boxes, bricks.have_faces)) return false;
     if (bricks.radiance.exists && !is_complete(bricks.radiance.value)) return false;
-    for (int64_t number = 0; number < bricks.fields.shape[0]; number++)
-        if (!is_complete(bricks.fields[number], bricks.is_mean)) return false;
+    const bool reflects = bricks.radiance.exists && bricks.radiance.value.surface.exists;
+    for (int64_t number = 0; number < bricks.fields.shape[0]; number++) {
+        const Field& field = bricks.fields[number];
+        if (!is_complete(field, bricks.is_mean) || (reflects && !field.light.exists)) return false;
+    }
     return true;
 }
 

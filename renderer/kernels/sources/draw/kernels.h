@@ -225,6 +225,9 @@ struct Light {
     Sized<const float, 2, 3> factors;
     // The position of the volume's centre in `grid` (x, y, z), in cells.
     double first_cell[3];
+    // The change over the finest spacing, in texels, along a gradient of the length 1 between texels; of labels, in
+    // smoothed opacities.
+    float change_per_length;
 };
 
 // The mask that limits where a field is drawn: a volume of labels.
@@ -283,10 +286,29 @@ struct Field {
     Maybe<FieldMask> mask;
 };
 
+// The light on surfaces, as in SurfaceLight (renderer/lighting/scene_light.py).
+struct SurfaceCells {
+    // [z, y, x, 12]: the flux along x (r, g, b), y and z at the middles of cells, and three numbers more.
+    Sized<const float, 4, 12> flux;
+    // The share of light that a surface reflects, from 0 to 1; the remainder is scattered.
+    float share;
+    // The coefficient and the exponent of highlights.
+    float specular;
+    float shininess;
+    // The unit vector to the middle of the key light, in world axes.
+    float key[3];
+    // [rgb]: the irradiance of the key light, divided by pi.
+    float key_light[3];
+};
+
 // The mean radiance in matter that scatters light, on a grid over all layers (renderer/lighting/scene_light.py).
 struct RadianceCells {
-    // [z, y, x, 4]: the mean radiance (r, g, b) at the middles of cells, and one number more.
+    // [z, y, x, 4]: the mean radiance (r, g, b) at the middles of cells, and the share of the key light that arrives
+    // straight.
     Sized<const float, 4, 4> cells;
+    // The light on surfaces; None if no surface reflects light. Otherwise fields have a light of the viewer, for their
+    // gradients.
+    Maybe<SurfaceCells> surface;
     // [3, 4]: the matrix from positions in index space, relative to the centre of the layers' volume, to cells. The
     // middle of cell i is at i.
     double cells_from_index[12];

@@ -119,6 +119,11 @@ struct Lit {
     Floats shine;
     // The length of the gradient.
     Floats length;
+
+    // Return the sum of this light and a share of another, with the gradient of the other.
+    INLINE Lit plus(Floats share, const Lit& other) const {
+        return {fma(share, other.factor, factor), fma(share, other.shine, shine), other.length};
+    }
 };
 
 // Return the light for a gradient in texels: Lambert's law, highlights (Blinn 1977) and silhouettes.

@@ -108,13 +108,14 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
     [[maybe_unused]] bool is_cut = shown.is_cut(0, brick);
     const Faces all = shown.all_faces();
     const BrickRadiance radiance = radiance_in(*shown.bricks, box);
+    const bool are_albedos = shown.are_albedos();
     for (int64_t first = 0; first < num; first += LANES) {
         Ints order = load<Ints>(tile.order, first);
         auto [x, y, z, step_x] = load_four(tile.spans, order * SPAN_FLOATS);
         auto [step_y, step_z, length, last] = load_four(rest_of(tile.spans, 4), order * SPAN_FLOATS);
         Three direction;
-        Lighting lighting = {shown.faces(0, brick, all), {}, {}};
-        if constexpr (KIND == LIT || KIND == SEVERAL) {
+        Lighting lighting = {shown.faces(0, brick, all), {}, {}, {}};
+        if constexpr (KIND == LIT || KIND == SURFACE || KIND == SEVERAL) {
             Ints at = gather(tile.pixels, order);
             auto along = [&](int axis) {
                 auto directions = rest_of(tile.rays, (DIRECTION + axis) * tile.room);
@@ -122,7 +123,8 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
             };
             direction = {along(0), along(1), along(2)};
         }
-        if constexpr (KIND == LIT) lighting = lighting_of(field.light.value, box, direction, lighting.faces);
+        if constexpr (KIND == LIT || KIND == SURFACE)
+            lighting = lighting_of(field.light.value, box, direction, lighting.faces, radiance);
         Floats zero = in_all<Floats>(0.0f), red = zero, green = zero, blue = zero, alpha = zero;
         Mask alive = mask_of(lane_numbers<Ints>() < (int32_t)least(num - first, (int64_t)LANES));
         Places places = {{}, {}, {}, {x, y, z}, {step_x, step_y, step_z}, in_all<Floats>(1.0f), alive};
@@ -135,7 +137,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
             Floats depth, light;
             Mask visible;
             if constexpr (KIND == SEVERAL) {
-                sample = sum_of_layers<NUM>(shown, brick, box, places, direction);
+                sample = sum_of_layers<NUM>(shown, brick, box, places, direction, radiance);
                 visible = mask_of(sample.tau > 0.0f), depth = sample.tau * length;
             } else {
                 auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting, box, is_cut);
@@ -143,7 +145,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
                 depth = where(visible, sample.tau, zero) * scale * length;
             }
             if (!any_of(visible)) continue;
-            if (radiance.grid != nullptr) scatter(radiance, places.texel(), sample);
+            if (are_albedos) scatter(radiance, places.texel(), sample);
             Floats weight = scene.is_additive ? depth : (1.0f - alpha) * opacity_of_depth(depth);
             alpha += weight;
             if constexpr (KIND == MEANS || KIND == SEVERAL) weight = where(visible, weight / sample.tau, zero);
@@ -159,7 +161,11 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
 auto march_of(const ShownLayers& shown) {
     Kind kind = shown.kind(0);
     if (shown.num == 1)
-        return kind == MEANS ? march<MEANS> : kind == UNLIT ? march<UNLIT> : kind == LAMBERT ? march<LAMBERT> : march<LIT>;
+        return kind == MEANS ? march<MEANS>
+            : kind == UNLIT  ? march<UNLIT>
+            : kind == LAMBERT ? march<LAMBERT>
+            : kind == LIT     ? march<LIT>
+                              : march<SURFACE>;
     int64_t num = shown.are_plain() ? shown.num : 0;
     return num == 2 ? march<SEVERAL, 2> : num == 3 ? march<SEVERAL, 3> : num == 4 ? march<SEVERAL, 4> : march<SEVERAL, 0>;
 }

@@ -265,9 +265,9 @@ struct Mixture {
             Cell cell = cell_at(places.number, places.begin, places.step, places.shares);
             auto held = [&](Ints along) { return where(places.active, along, in_all<Ints>(0)); };
             places.cell = {held(cell.x), held(cell.y), held(cell.z)};
-            Sample sum = sum_of_layers<NUM>(shown[group], brick, box, places, of.direction);
+            Sample sum = sum_of_layers<NUM>(shown[group], brick, box, places, of.direction, radiance);
             if (!any_of(mask_of(sum.tau > 0.0f))) continue;
-            if (radiance.grid != nullptr) scatter(radiance, places.texel(), sum);
+            if (shown[group].are_albedos()) scatter(radiance, places.texel(), sum);
             for (int64_t k = most(bin, low); k < least(bin + own, high); k++) {
                 Floats covered = min_of(in_all<Floats>((float)(k + 1)), to) - max_of(in_all<Floats>((float)k), from);
                 Floats weight = max_of(zero, covered) * length;

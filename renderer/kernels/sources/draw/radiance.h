@@ -29,28 +29,46 @@ INLINE BrickRadiance radiance_in(const LayerBricks& bricks, const Box& box) {
     return found;
 }
 
-// Multiply the colours of samples by the mean radiance at their places. texel: the positions of samples in the brick, in
-// texels.
-INLINE void scatter(const BrickRadiance& radiance, const Three& texel, Sample& sample) {
-    const auto& cells = radiance.grid->cells;
-    const Array<const float, 1> numbers = {cells.data, {cells.size()}};
-    Ints at = in_all<Ints>(0);
+// The places of samples in the grid.
+struct RadiancePlace {
+    // The number of the lowest of the eight cells between whose middles each sample is.
+    Ints at;
+    // The distance from the middle of this cell along x, y, z, from 0 to 1.
     Floats shares[3];
+};
+
+// Return the places of samples in the grid. texel: the positions of samples in the brick, in texels.
+INLINE RadiancePlace place_in(const BrickRadiance& radiance, const Three& texel) {
+    const auto& shape = radiance.grid->cells.shape;
+    RadiancePlace found = {in_all<Ints>(0), {}};
     for (int axis = 0; axis < 3; axis++) {
         const float* row = radiance.cells_from_texels + 3 * axis;
-        int32_t num = (int32_t)cells.shape[2 - axis];
+        int32_t num = (int32_t)shape[2 - axis];
         Floats place = fma(texel.x, row[0], fma(texel.y, row[1], fma(texel.z, row[2], radiance.origin[axis])));
         place = min_of(max_of(in_all<Floats>(0.0f), place), in_all<Floats>((float)(num - 1)));
         Ints cell = min_of(to_int32(place), in_all<Ints>(num - 2));
-        shares[axis] = place - to_float32(cell);
-        at += cell * (int32_t)(axis == 0 ? 1 : axis == 1 ? cells.shape[2] : cells.shape[1] * cells.shape[2]);
+        found.shares[axis] = place - to_float32(cell);
+        found.at += cell * (int32_t)(axis == 0 ? 1 : axis == 1 ? shape[2] : shape[1] * shape[2]);
     }
-    int64_t row = 4 * cells.shape[2], plane = row * cells.shape[1];
-    auto along_x = [&](int64_t first) {
-        return mix(shares[0], load_four(rest_of(numbers, first), at * 4), load_four(rest_of(numbers, first + 4), at * 4));
+    return found;
+}
+
+// Interpolate four numbers of cells, from number `first` on. cells: [z, y, x, numbers].
+INLINE Four<Floats> look_up(const Array<const float, 4>& cells, const RadiancePlace& place, int64_t first) {
+    const Array<const float, 1> numbers = {cells.data, {cells.size()}};
+    const int64_t num = cells.shape[3], row = num * cells.shape[2], plane = row * cells.shape[1];
+    const Ints at = place.at * (int32_t)num;
+    auto along_x = [&](int64_t from) {
+        return mix(place.shares[0], load_four(rest_of(numbers, from), at), load_four(rest_of(numbers, from + num), at));
     };
-    auto face = [&](int64_t first) { return mix(shares[1], along_x(first), along_x(first + row)); };
-    auto [red, green, blue, unused] = mix(shares[2], face(0), face(plane));
+    auto face = [&](int64_t from) { return mix(place.shares[1], along_x(from), along_x(from + row)); };
+    return mix(place.shares[2], face(first), face(first + plane));
+}
+
+// Multiply the colours of samples by the mean radiance at their places. texel: the positions of samples in the brick, in
+// texels.
+INLINE void scatter(const BrickRadiance& radiance, const Three& texel, Sample& sample) {
+    auto [red, green, blue, unused] = look_up(radiance.grid->cells, place_in(radiance, texel), 0);
     sample.r *= red, sample.g *= green, sample.b *= blue;
 }
 
@@ -59,5 +77,7 @@ inline bool is_complete(const RadianceCells& radiance) {
     const auto& shape = radiance.cells.shape;
     for (int axis = 0; axis < 3; axis++)
         if (shape[axis] < 2 || shape[axis] > 512) return false;
-    return true;
+    if (!radiance.surface.exists) return true;
+    const auto& flux = radiance.surface.value.flux.shape;
+    return flux[0] == shape[0] && flux[1] == shape[1] && flux[2] == shape[2];
 }

@@ -173,8 +173,19 @@ struct PathMedium {
     double index_from_world[12];
     // [3, 4]: the transformation from the layer's index space to the world.
     double world_from_index[12];
+    // The finest spacing of voxels.
+    double voxel;
     // The mask of the layer; None without a mask.
     Maybe<PathMask> mask;
+};
+
+// The surfaces of layers, as in SurfaceSpec (renderer/scene/light_section.py).
+struct PathSurface {
+    // The largest share of a point that is a surface.
+    double share;
+    // The coefficient and the exponent of highlights.
+    double specular;
+    double shininess;
 };
 
 // The sources of light around the layers, as in LightSources (renderer/lighting/environment.py), in world axes.
@@ -189,11 +200,16 @@ struct PathLight {
     double key_rise;
     // [rgb]: the integral of the key light's radiance over its solid angle.
     double key_irradiance[3];
+    // The factor on albedos of matter that light meets on its way; points of rays have their whole albedo.
+    double scattering;
+    // The surfaces on which paths may begin; None without surfaces.
+    Maybe<PathSurface> surface;
 };
 
 // Follow the paths of light that scatters in layers, from rays on.
 struct TracePaths {
-    // The layers, without light of their own; their colours are albedos, and their extinctions add up.
+    // The layers; their colours are albedos, and their extinctions add up. With surfaces they have a light of the viewer,
+    // for their gradients; otherwise they have none.
     Array<const LayerOptics, 1> layers;
     // [layers]: the same layers in space.
     Array<const PathMedium, 1> media;

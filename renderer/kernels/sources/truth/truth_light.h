@@ -92,14 +92,10 @@ struct Light {
         double highlight;
     };
 
-    // Return the light at t along the segment, a mixture of two lights: `lit`, by the gradient, and the light by the
-    // normals of cut faces near the point. lit_by(normal): returns the light for a unit vector as the normal.
-    template <class LitBy>
-    INLINE Lit with_faces(Lit lit, double t, LitBy lit_by) const {
-        if (removed.shape[0] == 0) return lit;
+    // Call `take(weight, normal)` for each cut face near the point at t along the segment. normal: a unit vector.
+    template <class Take>
+    INLINE void for_faces(double t, Take take) const {
         const Point place = begin + t * extent;
-        double rest = 1.0, sum = 0.0;
-        Lit of_faces = {};
         for (int64_t k = 0; k < removed.shape[0]; k++) {
             const auto& [own_from_index, world_from_own, low, high] = removed[k];
             Point way;
@@ -112,10 +108,21 @@ struct Light {
             if (near == 1.0) way = {1.0, 0.0, 0.0};  // the point is on the face
             way /= __builtin_sqrt(dot(way, way));
             auto along = [&](int row) { return dot(point_of(&world_from_own[3 * row]), way); };
-            auto [factor, highlight] = lit_by(Point{along(0), along(1), along(2)});
+            take(weight, Point{along(0), along(1), along(2)});
+        }
+    }
+
+    // Return the light at t along the segment, a mixture of two lights: `lit`, by the gradient, and the light by the
+    // normals of cut faces near the point. lit_by(normal): returns the light for a unit vector as the normal.
+    template <class LitBy>
+    INLINE Lit with_faces(Lit lit, double t, LitBy lit_by) const {
+        double rest = 1.0, sum = 0.0;
+        Lit of_faces = {};
+        for_faces(t, [&](double weight, Point normal) __attribute__((always_inline)) {
+            auto [factor, highlight] = lit_by(normal);
             of_faces = {of_faces.factor + weight * factor, of_faces.highlight + weight * highlight};
             rest *= 1.0 - weight, sum += weight;
-        }
+        });
         if (sum == 0.0) return lit;
         double share = (1.0 - rest) / sum;
         return {rest * lit.factor + share * of_faces.factor, rest * lit.highlight + share * of_faces.highlight};

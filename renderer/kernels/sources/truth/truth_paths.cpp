@@ -6,11 +6,13 @@
 // From there on, directions are isotropic and lengths come from tracking (truth_medium.h). The nearest collision of all
 // layers is a collision of their sum. At each collision, a random direction to the key light adds the light of the key
 // (next-event estimation); a path that leaves all layers adds the light of the environment. A path that carries little
-// light ends by chance (Russian roulette), and counts more if it goes on. M. Pharr, W. Jakob and G. Humphreys,
+// light ends by chance (Russian roulette), and counts more if it goes on. With surfaces, a path may begin on a surface of
+// one of the layers (truth_surface.h): its first direction is then on the side of the normal. M. Pharr, W. Jakob and G. Humphreys,
 // "Physically Based Rendering", 2016, chapter 15.
 #include "truth/kernels.h"
 #include "base/stopping.h"
 #include "truth/truth_medium.h"
+#include "truth/truth_surface.h"
 
 namespace truth {
 namespace {
@@ -19,6 +21,13 @@ namespace {
 constexpr double LEAST_SHARE = 0.25;
 // The share of a sphere's solid angle in one steradian: 1 / (4 pi).
 constexpr double PER_SPHERE = 0.07957747154594767;
+// 1 / pi.
+constexpr double PER_PI = 0.3183098861837907;
+// The coefficients of the colour of thick matter, and of the light that is absorbed on its way to surfaces in it, as in
+// renderer/transfer/albedos.py.
+constexpr double OF_NUMERATOR = 0.139;
+constexpr double OF_DENOMINATOR = 1.17;
+constexpr double OF_SURFACE = 1.68;
 // The optical depth of a ray up to which opacities are proportional to depths, within a millionth.
 constexpr double CLEAR = 1e-6;
 // The number of halvings by which the place of an optical depth is found in a part of a ray.
@@ -47,6 +56,34 @@ Color mean_albedo(const LayerRay* first, double x) {
     return total > 0.0 ? sum / total : sum;
 }
 
+// Return the albedo of a layer at x.
+INLINE Color albedo_at(const LayerRay& layer, double x) {
+    return layer.part.interval.color(value_at(layer.part.value, x), 1.0);
+}
+
+// Return one of the layers in a list, by chance; the probability of each is its share of the extinction at x.
+const LayerRay& random_layer(const LayerRay* first, double x, Random& random) {
+    const double total = value_at(sum_of_tau(first), x), chosen = random.below_one() * total;
+    double reached = 0.0;
+    const LayerRay* last = first;
+    for (const LayerRay* layer = first; layer; last = layer, layer = layer->next) {
+        reached += most(0.0, value_at(layer->part.tau, x));
+        if (chosen < reached) return *layer;
+    }
+    return *last;
+}
+
+// Return the reflectance of surfaces of matter of an albedo.
+INLINE Color surface_reflectance(Color albedo) {
+    Color shown;
+    for (int channel = 0; channel < 3; channel++) {
+        const double s = __builtin_sqrt(most(0.0, 1.0 - albedo[channel]));
+        const double of_thick = (1.0 - OF_NUMERATOR * s) * (1.0 - s) / (1.0 + OF_DENOMINATOR * s);
+        shown[channel] = of_thick * (1.0 + OF_SURFACE * s);
+    }
+    return shown;
+}
+
 // A tracer of paths, with the data that all rays of a call share.
 struct PathTracer {
     // The sources of light.
@@ -63,14 +100,58 @@ struct PathTracer {
         return __builtin_elementwise_max(sum, Color{});
     }
 
+    // Return a factor times the share of the key light that comes straight from a direction to a point.
+    double straight(double factor, Point at, Point direction, Random& random) const {
+        for (int64_t k = 0; k < media.shape[0] && factor > 0.0; k++)
+            factor *= media[k].transmittance(at, direction, random);
+        return factor;
+    }
+
     // Return the mean radiance of the key light at a point, by one direction to it.
     Color key_light(Point at, Random& random) const {
         const Color irradiance = point_of(light.key_irradiance);
         if (__builtin_reduce_max(irradiance) == 0.0) return {};
         const Point direction = random.direction_around(point_of(light.key), light.key_rise);
-        double left = PER_SPHERE;
-        for (int64_t k = 0; k < media.shape[0] && left > 0.0; k++) left *= media[k].transmittance(at, direction, random);
-        return left * irradiance;
+        return straight(PER_SPHERE, at, direction, random) * irradiance;
+    }
+
+    // Return the light of the key that a surface shows, by one direction to the key.
+    Color key_on_surface(Point at, Point normal, Point to_viewer, Color color, Random& random) const {
+        const Color irradiance = point_of(light.key_irradiance);
+        if (__builtin_reduce_max(irradiance) == 0.0) return {};
+        const PathSurface& surface = light.surface.value;
+        const Point key = point_of(light.key), direction = random.direction_around(key, light.key_rise);
+        double highlight = 0.0;
+        if (surface.specular > 0.0 && dot(normal, key) > 0.0) {
+            const Point halfway = key + to_viewer;
+            const double along = dot(normal, halfway), length = __builtin_sqrt(dot(halfway, halfway));
+            if (along > 0.0) highlight = surface.specular * power_of(least(1.0, along / length), surface.shininess);
+        }
+        const Color shown = color * most(0.0, dot(normal, direction)) + highlight;
+        if (__builtin_reduce_max(shown) == 0.0) return {};
+        return straight(PER_PI, at, direction, random) * irradiance * shown;
+    }
+
+    // Return the radiance that arrives at a point from a direction.
+    Color arriving(Point at, Point direction, Random& random) const {
+        double nearest = INFINITE;
+        Matter met = {};
+        for (int64_t k = 0; k < media.shape[0]; k++)
+            nearest = least(nearest, media[k].collide(at, direction, nearest, random, met));
+        if (nearest == INFINITE) return environment(direction);
+        return scattered(at + nearest * direction, light.scattering * met.albedo(), random);
+    }
+
+    // Return the light that a point of a ray sends along the ray. x: the place of the point in the part of the ray.
+    Color shown(const LayerRay* first, double x, Point at, Random& random) const {
+        if (!light.surface.exists) return scattered(at, mean_albedo(first, x), random);
+        const LayerRay& layer = random_layer(first, x, random);
+        const double voxel = media[&layer - layers.data].place->voxel;
+        const Facet facet = choose_facet(layer, x, voxel, light.surface.value.share, random);
+        if (!facet.exists) return scattered(at, albedo_at(layer, x), random);
+        const Color color = surface_reflectance(albedo_at(layer, x));
+        const Color of_key = key_on_surface(at, facet.normal, layer.light.viewer, color, random);
+        return of_key + color * arriving(at, random.direction_across(facet.normal), random);
     }
 
     // Return the light that a collision with matter of an albedo sends along the ray. Return it unfinished if the kernel
@@ -92,7 +173,7 @@ struct PathTracer {
             for (int64_t k = 0; k < media.shape[0]; k++)
                 nearest = least(nearest, media[k].collide(at, direction, nearest, random, met));
             if (nearest == INFINITE) return sum + through * environment(direction);
-            at += nearest * direction, through *= met.albedo();
+            at += nearest * direction, through *= light.scattering * met.albedo();
         }
         return sum;
     }
@@ -142,7 +223,7 @@ struct PathTracer {
                 const Segment& segment = first->segment;
                 double s = lerp(segment.start, segment.end, part.start + high * part.extent);
                 const Point at = transformed(world_from_index, origin + s * direction);
-                sum += scattered(at, mean_albedo(first, high), random);
+                sum += shown(first, high, at, random);
             }
             reached = end;
             finish_part(first);
@@ -151,10 +232,10 @@ struct PathTracer {
     }
 };
 
-bool fit(const LayerOptics& optics, const PathMedium& medium) {
+bool fit(const LayerOptics& optics, const PathMedium& medium, bool has_surfaces) {
     const bool fits_mask = !medium.mask.exists || truth::fit(medium.mask.value.voxels);
     return fits_mask && fits_macrocells(medium.majorants, optics.voxels) && !optics.colors.exists &&
-           !optics.shading.exists;
+           optics.shading.exists == has_surfaces;
 }
 
 }  // namespace
@@ -170,7 +251,7 @@ Status trace_paths(const TracePaths* arguments) {
     if (!has_shape(radiance, num, 4) || states.shape[0] != num) return OUT_OF_BOUNDS;
     int64_t num_splits = 0;
     for (int64_t k = 0; k < num_layers; k++) {
-        if (!fit(layers[k], rays[k], num) || !fit(layers[k], media[k])) return OUT_OF_BOUNDS;
+        if (!fit(layers[k], rays[k], num) || !fit(layers[k], media[k], light.surface.exists)) return OUT_OF_BOUNDS;
         num_splits += num_splits_of(layers[k]);
     }
     Buffer<double> splits(num_splits);

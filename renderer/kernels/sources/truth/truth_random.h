@@ -49,6 +49,16 @@ struct Random {
         return {x * factor, y * factor, 1.0 - 2.0 * square};
     }
 
+    // Return a unit vector on the side of a unit vector `normal`; its probability is proportional to its cosine with the
+    // normal.
+    INLINE Point direction_across(Point normal) {
+        for (;;) {
+            const Point sum = normal + direction();
+            const double square = dot(sum, sum);
+            if (square > 0.0) return sum / __builtin_sqrt(square);
+        }
+    }
+
     // Return a unit vector around `axis`; all directions whose cosine with the axis is at least 1 - rise are equally
     // likely.
     INLINE Point direction_around(Point axis, double rise) {
