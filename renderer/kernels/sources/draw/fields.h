@@ -62,31 +62,42 @@ struct Classified {
     Mask visible;
 };
 
-// Return the classified samples of a field. texels: the texels of the brick, and those after them. is_cut: whether the
-// field's mask hides a part of the brick.
-template <Kind KIND>
-INLINE Classified sample_field(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
-                               const Lighting& lighting, const Box& box, bool is_cut) {
-    const auto& [cell, shares, number, begin, step, width, are_placed] = places;
-    auto texel = [&] {
-        return Three{fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
-    };
-    Mask active = is_cut ? are_in_mask(field.mask.value.grid, box, texel(), are_placed) : are_placed;
-    Classified found = {{}, in_all<Floats>(1.0f), active};
-    if (is_cut && !any_of(active)) return found;
-    if constexpr (KIND == MEANS) {
-        found.sample = sample_rgba(texels.words, cell.at(PADDED_BRICK_SIZE), shares);
-        found.visible = active & mask_of(found.sample.tau > 0.0f);
-        return found;
-    }
+// Return the positions of samples, in texels.
+INLINE Three texels_of(const Places& places) {
+    const auto& [cell, shares, number, begin, step, width, active] = places;
+    return {fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
+}
+
+// The scalars of samples, one in each lane.
+struct Scalars {
+    // The eight texels around the sample.
+    Corners corners;
+    // The scalar, interpolated between the texels.
+    Floats scalar;
+    // Whether the sample may show anything.
+    Mask visible;
+};
+
+// Return the scalars of a field at samples. texels, is_cut: as in `sample_field`.
+INLINE Scalars scalars_at(const Field& field, const BrickTexels& texels, const Places& places, const Box& box, bool is_cut) {
+    const Cell& cell = places.cell;
     Corners corners = load_corners(texels, cell);
-    Floats scalar = field.is_labels ? labels_at(texels.words, cell.at(PADDED_BRICK_SIZE), shares, corners, active)
-                                    : interpolate(corners, shares);
-    found.visible = active & mask_of(scalar >= field.pieces.lowest_visible);
-    if (!any_of(found.visible)) return found;
-    found.sample = classify(table, scalar);
-    found.visible = active & mask_of(found.sample.tau > 0.0f);
-    Mask are_divided = found.visible & ~are_all_present(corners);
+    Floats scalar = field.is_labels ? labels_at(texels.words, cell.at(PADDED_BRICK_SIZE), places.shares, corners, places.active)
+                                    : interpolate(corners, places.shares);
+    Mask visible = places.active & mask_of(scalar >= field.pieces.lowest_visible);
+    if (is_cut && any_of(visible)) visible = are_in_mask(field.mask.value.grid, box, texels_of(places), visible);
+    return {corners, scalar, visible};
+}
+
+// Return the classified samples of a field, from their scalars. texels: the texels of the brick, and those after them.
+template <Kind KIND>
+INLINE Classified classify_samples(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
+                                   const Scalars& scalars, const Lighting& lighting, const Box& box) {
+    const auto& [cell, shares, number, begin, step, width, active] = places;
+    auto texel = [&] { return texels_of(places); };
+    Classified found = {classify(table, scalars.scalar), in_all<Floats>(1.0f), scalars.visible};
+    found.visible &= mask_of(found.sample.tau > 0.0f);
+    Mask are_divided = found.visible & ~are_all_present(scalars.corners);
     if (field.has_absent && any_of(are_divided)) {
         found.sample.tau *= share_of_data(texels.words, are_divided, places.number, begin, step, width);
         found.visible &= mask_of(found.sample.tau > 0.0f);
@@ -111,6 +122,21 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
         found.sample = illuminate(found.sample, lit(lit_of), light);
     }
     return found;
+}
+
+// Return the classified samples of a field. texels: the texels of the brick, and those after them. is_cut: whether the
+// field's mask hides a part of the brick.
+template <Kind KIND>
+INLINE Classified sample_field(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
+                               const Lighting& lighting, const Box& box, bool is_cut) {
+    if constexpr (KIND == MEANS) {
+        Sample sample = sample_rgba(texels.words, places.cell.at(PADDED_BRICK_SIZE), places.shares);
+        Mask active = is_cut ? are_in_mask(field.mask.value.grid, box, texels_of(places), places.active) : places.active;
+        return {sample, in_all<Floats>(1.0f), active & mask_of(sample.tau > 0.0f)};
+    }
+    Scalars scalars = scalars_at(field, texels, places, box, is_cut);
+    if (!any_of(scalars.visible)) return {{}, in_all<Floats>(1.0f), scalars.visible};
+    return classify_samples<KIND>(field, table, texels, places, scalars, lighting, box);
 }
 
 // The layers of one grid of voxels that show anything in a brick. The caller owns the memory.
