@@ -28,10 +28,6 @@ INLINE auto mask_of(V compared) { return __builtin_convertvector(compared, Vecto
 template <int NUM>
 INLINE bool any_of(Vector<bool, NUM> mask) { return __builtin_reduce_or(mask); }
 
-// Return in how many lanes a mask is set.
-template <int NUM>
-INLINE int num_of(Vector<bool, NUM> mask) { return __builtin_reduce_add(__builtin_convertvector(mask, Vector<int32_t, NUM>)); }
-
 template <int NUM, class T>
 INLINE Vector<T, NUM> where(Vector<bool, NUM> mask, Vector<T, NUM> a, Vector<T, NUM> b) { return mask ? a : b; }
 

@@ -89,13 +89,24 @@ INLINE Scalars scalars_at(const Field& field, const BrickTexels& texels, const P
     return {corners, scalar, visible};
 }
 
-// Return the classified samples of a field, from their scalars. texels: the texels of the brick, and those after them.
-template <Kind KIND>
-INLINE Classified classify_samples(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
-                                   const Scalars& scalars, const Lighting& lighting, const Box& box) {
+// Return the classified samples of a field. texels: the texels of the brick, and those after them. is_cut: whether the
+// field's mask hides a part of the brick. follow: a function that is called with the Scalars of texels that are scalars.
+template <Kind KIND, class Follow>
+INLINE Classified sample_field(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
+                               const Lighting& lighting, const Box& box, bool is_cut, Follow follow) {
     const auto& [cell, shares, number, begin, step, width, active] = places;
-    auto texel = [&] { return texels_of(places); };
-    Classified found = {classify(table, scalars.scalar), in_all<Floats>(1.0f), scalars.visible};
+    Classified found = {{}, in_all<Floats>(1.0f), active};
+    if constexpr (KIND == MEANS) {
+        if (is_cut) found.visible = are_in_mask(field.mask.value.grid, box, texels_of(places), active);
+        found.sample = sample_rgba(texels.words, cell.at(PADDED_BRICK_SIZE), shares);
+        found.visible &= mask_of(found.sample.tau > 0.0f);
+        return found;
+    }
+    Scalars scalars = scalars_at(field, texels, places, box, is_cut);
+    follow(scalars);
+    found.visible = scalars.visible;
+    if (!any_of(found.visible)) return found;
+    found.sample = classify(table, scalars.scalar);
     found.visible &= mask_of(found.sample.tau > 0.0f);
     Mask are_divided = found.visible & ~are_all_present(scalars.corners);
     if (field.has_absent && any_of(are_divided)) {
@@ -103,10 +114,10 @@ INLINE Classified classify_samples(const Field& field, const LaneTable& table, c
         found.visible &= mask_of(found.sample.tau > 0.0f);
     }
     if (!any_of(found.visible)) return found;
-    auto lit = [&](auto lit_of) {
+    auto lit = [&](auto lit_of) __attribute__((always_inline)) {
         Three gradient = gradient_at(texels, cell, shares);
         if (lighting.faces == nullptr) return lit_of(gradient);
-        auto [x, y, z] = texel();
+        auto [x, y, z] = texels_of(places);
         auto origin = [&](int axis) { return (float)(box.corner[axis] - TEXEL_OFFSET); };
         return lit_with_faces(*lighting.faces, {x + origin(0), y + origin(1), z + origin(2)}, gradient, lit_of);
     };
@@ -117,26 +128,18 @@ INLINE Classified classify_samples(const Field& field, const LaneTable& table, c
     }
     if constexpr (KIND == LIT) {
         const Light& light = field.light.value;
-        Arriving arriving = arriving_shares(light, texel(), lighting.origin);
+        Arriving arriving = arriving_shares(light, texels_of(places), lighting.origin);
         auto lit_of = [&](const Three& slope) { return lit_at(slope, lighting.ways, arriving, light.shading); };
         found.sample = illuminate(found.sample, lit(lit_of), light);
     }
     return found;
 }
 
-// Return the classified samples of a field. texels: the texels of the brick, and those after them. is_cut: whether the
-// field's mask hides a part of the brick.
+// Return the classified samples of a field, as above, without a function that is called.
 template <Kind KIND>
 INLINE Classified sample_field(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
                                const Lighting& lighting, const Box& box, bool is_cut) {
-    if constexpr (KIND == MEANS) {
-        Sample sample = sample_rgba(texels.words, places.cell.at(PADDED_BRICK_SIZE), places.shares);
-        Mask active = is_cut ? are_in_mask(field.mask.value.grid, box, texels_of(places), places.active) : places.active;
-        return {sample, in_all<Floats>(1.0f), active & mask_of(sample.tau > 0.0f)};
-    }
-    Scalars scalars = scalars_at(field, texels, places, box, is_cut);
-    if (!any_of(scalars.visible)) return {{}, in_all<Floats>(1.0f), scalars.visible};
-    return classify_samples<KIND>(field, table, texels, places, scalars, lighting, box);
+    return sample_field<KIND>(field, table, texels, places, lighting, box, is_cut, [](const Scalars&) {});
 }
 
 // The layers of one grid of voxels that show anything in a brick. The caller owns the memory.

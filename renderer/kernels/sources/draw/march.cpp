@@ -9,8 +9,8 @@
 // which rounds once: the result is the same bytes on every machine.
 #include "draw/kernels.h"
 #include "base/stopping.h"
-#include "draw/blocks.h"
 #include "draw/fields.h"
+#include "draw/passing.h"
 
 namespace {
 
@@ -18,8 +18,6 @@ namespace {
 constexpr int MAX_SAMPLES = 4095;
 // The number of bytes that the processor loads into its cache at once.
 constexpr int CACHE_LINE_BYTES = 64;
-// The longest step, in cells, ...
-constexpr double LONGEST_PASSED_STEP = 0.5;
 
 // Load the visible texels of a brick into the processor's cache while another brick is drawn.
 //
@@ -109,11 +107,8 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
     BrickTexels texels = shown.texels(0, brick);
     float scale = shown.scale(0);
     [[maybe_unused]] bool is_cut = shown.is_cut(0, brick);
+    [[maybe_unused]] bool passes_over = box.step <= LONGEST_PASSED_STEP && !field.is_labels;
     const Faces all = shown.all_faces();
-    [[maybe_unused]] const bool passes_over = box.step <= LONGEST_PASSED_STEP && !field.is_labels;
-    Blocks blocks;
-    if constexpr (KIND == UNLIT || KIND == LAMBERT || KIND == LIT)
-        if (passes_over) blocks.find(texels, field.pieces.lowest_visible);
     for (int64_t first = 0; first < num; first += LANES) {
         Ints order = load<Ints>(tile.order, first);
         auto [x, y, z, step_x] = load_four(tile.spans, order * SPAN_FLOATS);
@@ -132,45 +127,26 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
         Floats zero = in_all<Floats>(0.0f), red = zero, green = zero, blue = zero, alpha = zero;
         Mask alive = mask_of(lane_numbers<Ints>() < (int32_t)least(num - first, (int64_t)LANES));
         Places places = {{}, {}, {}, {x, y, z}, {step_x, step_y, step_z}, in_all<Floats>(1.0f), alive};
-        const RayWays ways(places.begin, places.step, last);
-        for (Floats number = zero;;) {
+        const RaySamples samples(places.begin, places.step, last);
+        for (Floats number = zero, next;; number = next) {
             places.active = alive & mask_of(last >= number);
             if (!any_of(places.active)) break;
             places.number = min_of(last, number);
             places.cell = cell_at(places.number, places.begin, places.step, places.shares);
+            next = number + 1.0f;
             Sample sample;
             Floats depth, light;
             Mask visible;
             if constexpr (KIND == SEVERAL) {
                 sample = sum_of_layers<NUM>(shown, brick, box, places, direction);
                 visible = mask_of(sample.tau > 0.0f), depth = sample.tau * length;
-                number += 1.0f;
-            } else if constexpr (KIND == MEANS) {
-                auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting, box, is_cut);
-                sample = found, light = factor, visible = shown;
-                depth = where(visible, sample.tau, zero) * scale * length;
-                number += 1.0f;
             } else {
-                if (blocks.have_dark) {
-                    Mask dark = places.active & blocks.are_dark(places.cell);
-                    if (any_of(dark)) {
-                        number = where(dark, ways.behind_block<BLOCK_LEVELS>(places.cell, number, last), number);
-                        continue;
-                    }
-                }
-                Scalars scalars = scalars_at(field, texels, places, box, is_cut);
-                if (passes_over) {
-                    Mask rest = places.active & ~scalars.visible;
-                    if (any_of(rest)) {
-                        number = where(rest, ways.next_in_cell(places.cell, number, scalars.corners, scalars.scalar, field.pieces.lowest_visible), number);
-                        if (num_of(scalars.visible) * 2 < num_of(places.active)) continue;
-                    }
-                    number = where(scalars.visible, number + 1.0f, number);
-                } else {
-                    number += 1.0f;
-                    if (!any_of(scalars.visible)) continue;
-                }
-                auto [found, factor, shown] = classify_samples<KIND>(field, table, texels, places, scalars, lighting, box);
+                auto follow = [&](const Scalars& scalars) {
+                    if (passes_over && any_of(places.active & ~scalars.visible))
+                        next = where(scalars.visible, next,
+                                     next_visible(samples, number, places.cell, scalars, field.pieces.lowest_visible));
+                };
+                auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting, box, is_cut, follow);
                 sample = found, light = factor, visible = shown;
                 depth = where(visible, sample.tau, zero) * scale * length;
             }

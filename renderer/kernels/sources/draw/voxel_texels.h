@@ -75,11 +75,10 @@ struct VoxelRows {
 };
 
 // Return the scalars of voxels, as texels of float32 have them.
-template <int NUM>
-INLINE Vector<float, NUM> scalars_of(Vector<int32_t, NUM> voxels, const TexelRules& rules) {
+INLINE Floats scalars_of(Ints voxels, const TexelRules& rules) {
     const VoxelTexels& form = rules.voxel_texels.value;
-    auto scalars = __builtin_convertvector(voxels + (int32_t)form.lowest, Vector<double, NUM>);
-    return __builtin_convertvector((scalars - rules.first) * form.slope, Vector<float, NUM>);
+    auto scalars = __builtin_convertvector(voxels + (int32_t)form.lowest, Vector<double, LANES>);
+    return __builtin_convertvector((scalars - rules.first) * form.slope, Floats);
 }
 
 template <int BYTES>
@@ -87,7 +86,7 @@ INLINE Corners corners_of_voxels(const BrickTexels& texels, const Cell& cell) {
     const VoxelRows<BYTES> rows(texels, cell);
     Ints v[8];
     for (int k = 0; k < 4; k++) rows.pair(k & 1, k >> 1, v[2 * k], v[2 * k + 1]);
-    auto scalar = [&](int k) { return scalars_of<LANES>(v[k], *texels.rules); };
+    auto scalar = [&](int k) { return scalars_of(v[k], *texels.rules); };
     return {scalar(0), scalar(1), scalar(2), scalar(3), scalar(4), scalar(5), scalar(6), scalar(7)};
 }
 
