@@ -28,7 +28,7 @@ from renderer.lighting import LightSources
 from renderer.transfer import NO_LIGHT_GRID
 from renderer.truth.integrator import Progress, ignore, in_parts, index_rays
 from renderer.truth.kept_parts import removed_sets
-from renderer.truth.optics import TrueLayer, for_macrocells, optics_of, voxels_of
+from renderer.truth.optics import TrueLayer, macrocell_counts, optics_of, voxels_of
 from renderer.view import View
 from renderer.volume import Float64, UInt64, Volume
 
@@ -89,7 +89,7 @@ class PathTracer:
     def _medium_of(self, layer: TrueLayer) -> PathMedium:
         volume, mask = layer.volume, layer.volume.mask
         return PathMedium(
-            majorants=for_macrocells(volume, np.nan),
+            majorants=np.full(macrocell_counts(volume), np.nan),
             index_from_world=np.ascontiguousarray(np.linalg.inv(self._world_from_index(volume))[:3]).ravel(),
             world_from_index=self._world_from_index(volume)[:3].ravel(),
             voxel=volume.finest_spacing,

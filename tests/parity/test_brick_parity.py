@@ -81,6 +81,19 @@ def test_cuts_of_one_level_and_of_many(brick_rasterizer, affine: str, shading: S
         assert_parity(brick_rasterizer, batch, view_of(bricks.volume, camera), (affine, camera, len(cut)))
 
 
+@SHADED_AFFINES
+def test_rays_between_scattered_voxels(brick_rasterizer, affine: str, shading: ShadingSpec | None) -> None:
+    """Most samples show nothing, and there are sixteen of a cell; the reference takes all of them."""
+    values = np.random.default_rng(3).choice([0.0, 60.0, 250.0], (18, 20, 33), p=[0.6, 0.32, 0.08])
+    volume = placed(values.astype(np.uint8), AFFINES[affine])
+    transfer = transfer_of((120, (0.9, 0.2, 0.1), 0.0), (200, (1.0, 1.0, 1.0), 2 / volume.finest_spacing))
+    bricks = bricks_of(volume, transfer, shading)
+    batch = batch_of(level_cut(bricks, 0), bricks, step=1 / 16, shading=shading)
+    for camera in ("orthographic", "inside"):
+        view = view_of(volume, camera)
+        assert_parity(brick_rasterizer, batch, view, (affine, camera), precision=20 * PRECISION)
+
+
 @pytest.mark.parametrize("azimuth", [0.0, 270.0])
 def test_rays_along_an_axis(brick_rasterizer: BrickRasterizer, azimuth: float) -> None:
     """Parallel to the faces of all boxes; every way through a brick is a whole number of steps long."""

@@ -37,11 +37,6 @@ struct Places {
     Floats width;
     // Whether the sample counts.
     Mask active;
-
-    // Return the position of the sample, in texels.
-    INLINE Three texel() const {
-        return {fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
-    }
 };
 
 // The part of a field's lighting that is the same for all samples of a lane's ray in a brick.
@@ -73,41 +68,65 @@ struct Classified {
     Mask visible;
 };
 
+// Return the positions of samples, in texels.
+INLINE Three texels_of(const Places& places) {
+    const auto& [cell, shares, number, begin, step, width, active] = places;
+    return {fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
+}
+
+// The scalars of samples, one in each lane.
+struct Scalars {
+    // The eight texels around the sample.
+    Corners corners;
+    // The scalar, interpolated between the texels.
+    Floats scalar;
+    // Whether the sample may show anything.
+    Mask visible;
+};
+
+// Return the scalars of a field at samples. texels, is_cut: as in `sample_field`.
+INLINE Scalars scalars_at(const Field& field, const BrickTexels& texels, const Places& places, const Box& box, bool is_cut) {
+    const Cell& cell = places.cell;
+    Corners corners = load_corners(texels, cell);
+    Floats scalar = field.is_labels ? labels_at(texels.words, cell.at(PADDED_BRICK_SIZE), places.shares, corners, places.active)
+                                    : interpolate(corners, places.shares);
+    Mask visible = places.active & mask_of(scalar >= field.pieces.lowest_visible);
+    if (is_cut && any_of(visible)) visible = are_in_mask(field.mask.value.grid, box, texels_of(places), visible);
+    return {corners, scalar, visible};
+}
+
 // Return the classified samples of a field. texels: the texels of the brick, and those after them. is_cut: whether the
-// field's mask hides a part of the brick.
-template <Kind KIND>
+// field's mask hides a part of the brick. follow: a function that is called with the Scalars of texels that are scalars.
+template <Kind KIND, class Follow>
 INLINE Classified sample_field(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
-                               const Lighting& lighting, const Box& box, bool is_cut) {
-    const auto& [cell, shares, number, begin, step, width, are_placed] = places;
-    auto texel = [&] { return places.texel(); };
-    Mask active = is_cut ? are_in_mask(field.mask.value.grid, box, texel(), are_placed) : are_placed;
+                               const Lighting& lighting, const Box& box, bool is_cut, Follow follow) {
+    const auto& [cell, shares, number, begin, step, width, active] = places;
     Classified found = {{}, in_all<Floats>(1.0f), active};
-    if (is_cut && !any_of(active)) return found;
     if constexpr (KIND == MEANS) {
+        if (is_cut) found.visible = are_in_mask(field.mask.value.grid, box, texels_of(places), active);
         found.sample = sample_rgba(texels.words, cell.at(PADDED_BRICK_SIZE), shares);
-        found.visible = active & mask_of(found.sample.tau > 0.0f);
+        found.visible &= mask_of(found.sample.tau > 0.0f);
         return found;
     }
-    Corners corners = load_corners(texels, cell);
-    Floats scalar = field.is_labels ? labels_at(texels.words, cell.at(PADDED_BRICK_SIZE), shares, corners, active)
-                                    : interpolate(corners, shares);
-    found.visible = active & mask_of(scalar >= field.pieces.lowest_visible);
+    Scalars scalars = scalars_at(field, texels, places, box, is_cut);
+    follow(scalars);
+    found.visible = scalars.visible;
     if (!any_of(found.visible)) return found;
-    found.sample = classify(table, scalar);
-    found.visible = active & mask_of(found.sample.tau > 0.0f);
-    Mask are_divided = found.visible & ~are_all_present(corners);
+    found.sample = classify(table, scalars.scalar);
+    found.visible &= mask_of(found.sample.tau > 0.0f);
+    Mask are_divided = found.visible & ~are_all_present(scalars.corners);
     if (field.has_absent && any_of(are_divided)) {
         found.sample.tau *= share_of_data(texels.words, are_divided, places.number, begin, step, width);
         found.visible &= mask_of(found.sample.tau > 0.0f);
     }
     if (!any_of(found.visible)) return found;
-    auto cut = [&](const auto& by_gradient, auto lit_of) {
+    auto cut = [&](const auto& by_gradient, auto lit_of) __attribute__((always_inline)) {
         if (lighting.faces == nullptr) return by_gradient;
-        auto [x, y, z] = texel();
+        auto [x, y, z] = texels_of(places);
         auto origin = [&](int axis) { return (float)(box.corner[axis] - TEXEL_OFFSET); };
         return with_faces(*lighting.faces, {x + origin(0), y + origin(1), z + origin(2)}, by_gradient, lit_of);
     };
-    auto lit = [&](auto lit_of) { return cut(lit_of(gradient_at(texels, cell, shares)), lit_of); };
+    auto lit = [&](auto lit_of) __attribute__((always_inline)) { return cut(lit_of(gradient_at(texels, cell, shares)), lit_of); };
     if constexpr (KIND == LAMBERT) {
         Floats zero = in_all<Floats>(0.0f);
         auto lit_of = [&](const Three& slope) { return Lit{light_factor(slope, field.lambert), zero, zero}; };
@@ -115,18 +134,18 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
     }
     if constexpr (KIND == LIT) {
         const Light& light = field.light.value;
-        Arriving arriving = arriving_shares(light, texel(), lighting.origin);
+        Arriving arriving = arriving_shares(light, texels_of(places), lighting.origin);
         auto lit_of = [&](const Three& slope) { return lit_at(slope, lighting.ways, arriving, light.shading); };
         found.sample = illuminate(found.sample, lit(lit_of), light);
     }
     if constexpr (KIND == SURFACE) {
         Three gradient = gradient_at(texels, cell, shares);
-        const Floats rise = rise_of_opacity(field, table, scalar, gradient);
+        const Floats rise = rise_of_opacity(field, table, scalars.scalar, gradient);
         if (lighting.faces == nullptr && !any_of(found.visible & mask_of(rise != 0.0f))) {
-            scatter(*lighting.radiance, texel(), found.sample);
+            scatter(*lighting.radiance, texels_of(places), found.sample);
             return found;
         }
-        const SurfacePoint point = surface_point(*lighting.radiance, texel(), found.sample, lighting.ways.to_viewer);
+        const SurfacePoint point = surface_point(*lighting.radiance, texels_of(places), found.sample, lighting.ways.to_viewer);
         const Mask falls = mask_of(rise < 0.0f);
         auto turned = [&](Floats along) { return where(falls, -along, along); };
         gradient = {turned(gradient.x), turned(gradient.y), turned(gradient.z)};
@@ -135,6 +154,13 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
         found.sample = point.shown(found.sample, cut(point.reflected(gradient, magnitude(rise)), of_face));
     }
     return found;
+}
+
+// Return the classified samples of a field, as above, without a function that is called.
+template <Kind KIND>
+INLINE Classified sample_field(const Field& field, const LaneTable& table, const BrickTexels& texels, const Places& places,
+                               const Lighting& lighting, const Box& box, bool is_cut) {
+    return sample_field<KIND>(field, table, texels, places, lighting, box, is_cut, [](const Scalars&) {});
 }
 
 // The layers of one grid of voxels that show anything in a brick. The caller owns the memory.

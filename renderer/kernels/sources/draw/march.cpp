@@ -10,6 +10,7 @@
 #include "draw/kernels.h"
 #include "base/stopping.h"
 #include "draw/fields.h"
+#include "draw/passing.h"
 
 namespace {
 
@@ -106,6 +107,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
     BrickTexels texels = shown.texels(0, brick);
     float scale = shown.scale(0);
     [[maybe_unused]] bool is_cut = shown.is_cut(0, brick);
+    [[maybe_unused]] bool passes_over = box.step <= LONGEST_PASSED_STEP && !field.is_labels;
     const Faces all = shown.all_faces();
     const BrickRadiance radiance = radiance_in(*shown.bricks, box);
     const bool are_albedos = shown.are_albedos();
@@ -128,11 +130,13 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
         Floats zero = in_all<Floats>(0.0f), red = zero, green = zero, blue = zero, alpha = zero;
         Mask alive = mask_of(lane_numbers<Ints>() < (int32_t)least(num - first, (int64_t)LANES));
         Places places = {{}, {}, {}, {x, y, z}, {step_x, step_y, step_z}, in_all<Floats>(1.0f), alive};
-        for (float number = 0.0f;; number += 1.0f) {
+        const RaySamples samples(places.begin, places.step, last);
+        for (Floats number = zero, next;; number = next) {
             places.active = alive & mask_of(last >= number);
             if (!any_of(places.active)) break;
-            places.number = min_of(last, in_all<Floats>(number));
+            places.number = min_of(last, number);
             places.cell = cell_at(places.number, places.begin, places.step, places.shares);
+            next = number + 1.0f;
             Sample sample;
             Floats depth, light;
             Mask visible;
@@ -140,12 +144,17 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
                 sample = sum_of_layers<NUM>(shown, brick, box, places, direction, radiance);
                 visible = mask_of(sample.tau > 0.0f), depth = sample.tau * length;
             } else {
-                auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting, box, is_cut);
+                auto follow = [&](const Scalars& scalars) {
+                    if (passes_over && any_of(places.active & ~scalars.visible))
+                        next = where(scalars.visible, next,
+                                     next_visible(samples, number, places.cell, scalars, field.pieces.lowest_visible));
+                };
+                auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting, box, is_cut, follow);
                 sample = found, light = factor, visible = shown;
                 depth = where(visible, sample.tau, zero) * scale * length;
             }
             if (!any_of(visible)) continue;
-            if (are_albedos) scatter(radiance, places.texel(), sample);
+            if (are_albedos) scatter(radiance, texels_of(places), sample);
             Floats weight = scene.is_additive ? depth : (1.0f - alpha) * opacity_of_depth(depth);
             alpha += weight;
             if constexpr (KIND == MEANS || KIND == SEVERAL) weight = where(visible, weight / sample.tau, zero);
