@@ -115,6 +115,14 @@ def rasterizer_for(rasterizer: SplatRasterizer, brick_rasterizer: BrickRasterize
     return lambda scene: rasterizer if scene.needs_opengl else brick_rasterizer
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _no_wait_for_disks() -> Iterator[None]:
+    """Do not wait in this process until files are on the disk; processes that tests start do wait."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda descriptor: None)
+        yield
+
+
 @pytest.fixture(autouse=True)
 def _loud_arithmetic() -> Iterator[None]:
     """Overflow, division by zero and invalid operations are errors in every test; underflow to 0 is right."""

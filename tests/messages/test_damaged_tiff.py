@@ -33,6 +33,7 @@ def big_tiff(first: int, after: bytes = b"") -> bytes:
     return struct.pack("<2sHHHQ", b"II", 43, 8, 0, first) + after
 
 
+@pytest.mark.usefixtures("one_process")
 def test_the_page_itself_is_read(tmp_path):
     for name, data in {
         "plain.tif": tiff({}),
@@ -63,6 +64,7 @@ FILES = {
 }  # fmt: skip
 
 
+@pytest.mark.usefixtures("one_process")
 @cases("damaged_tiff.txt")
 def test_messages(case: Case, folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for name, data in FILES.items():
@@ -70,6 +72,7 @@ def test_messages(case: Case, folder: Path, capfd: pytest.CaptureFixture[str]) -
     case.check(capfd)
 
 
+@pytest.mark.usefixtures("one_process")
 def test_no_number_is_one_to_python_alone(tmp_path):
     """Neither digits of other scripts nor Python's separators between digits."""
     for text in ("1_0", "٣", "0x1", "+-1", "1e", "", " 1", "inf", "nan"):

@@ -172,6 +172,7 @@ def write_headers() -> None:
     Path("negative.nii").write_bytes(nifti.binaryblock + bytes(100))
 
 
+@pytest.mark.usefixtures("one_process")
 @cases("volumes.txt")
 def test_messages(case: Case, files: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(files)

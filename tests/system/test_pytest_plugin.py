@@ -54,6 +54,18 @@ def test_a_wrong_limit(assert_frames_match):
 PAGE = Path(__file__).parents[2] / "docs/golden-frames.md"
 SCENES = PAGE.read_text("utf-8").partition("```python\n")[2].partition("```")[0]
 
+# A program that runs pytest several times. Its argument is a list in JSON: arguments, and the event of each run.
+SEVERAL = f"""\
+import json, os, sys
+import pytest
+
+for name in ("CI", "CI_PIPELINE_SOURCE", "PYTEST_XDIST_WORKER"):
+    os.environ[name] = ""
+sys.stderr = sys.stdout
+for arguments, os.environ["GITHUB_EVENT_NAME"] in json.loads(sys.argv[1]):
+    print("ends with", int(pytest.main(["-p", "{PLUGIN}", "-p", "no:cacheprovider", *arguments])), flush=True)
+"""
+
 # A conftest.py that leaves a file for each process that has accepted goldens before its tests.
 WHO_ACCEPTED = """\
 import os, sys
@@ -204,15 +216,18 @@ def test_why_nothing_is_accepted(scenes: Path) -> None:
     assert run_pytest(scenes, "--golden-report", "out")[0] == 1
     before = {path: path.read_bytes() for path in Path("all").rglob("*") if path.is_file()}
     accept = ("--golden-accept", "out")
-    for arguments, event, error in (
+    wrong = (
         (("--golden-only", "engine"), "", "--golden-only is of no use without --golden-accept"),
         (("--golden-accept", "nowhere"), "", "nowhere: no such report"),
         ((*accept, "--golden-only", "scenes/engin"), "", "no such film fails in this report"),
         ((*accept, "--golden-only", "scenes/engine:9"), "", "these frames do not fail in this report"),
         (accept, "pull_request", "goldens do not change in a job that a change of the code starts"),
-    ):
-        code, printed = run_pytest(scenes, *arguments, GITHUB_EVENT_NAME=event)
-        assert code == 4 and error in printed and "Traceback" not in printed, printed
+    )
+    printed = run(scenes, "-c", SEVERAL, json.dumps([(arguments, event) for arguments, event, _ in wrong])).stdout
+    *ends, last = printed.split("ends with 4\n")
+    assert last == "" and "Traceback" not in printed, printed
+    for (_, _, error), end in zip(wrong, ends, strict=True):
+        assert error in end, end
     assert before == {path: path.read_bytes() for path in Path("all").rglob("*") if path.is_file()}
     assert run_pytest(scenes, *accept, GITHUB_EVENT_NAME="workflow_dispatch")[0] == 0
 

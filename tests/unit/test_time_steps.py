@@ -385,6 +385,7 @@ def save_ome(path: Path, values: Array, metadata: dict[str, Any]) -> None:
     tifffile.imwrite(path, values, metadata={"axes": "TZYX"} | metadata, ome=True, photometric="minisblack")
 
 
+@pytest.mark.usefixtures("one_process")
 def test_times_of_tiff(tmp_path: Path) -> None:
     save_ome(tmp_path / "a.tif", FOUR, {"TimeIncrement": 1.5, "TimeIncrementUnit": "min"})
     assert times_of(tmp_path / "a.tif") == (3, (0.0, 90.0, 180.0), "s")
@@ -399,6 +400,7 @@ def test_times_of_tiff(tmp_path: Path) -> None:
     assert times_of(tmp_path / "e.tif") == (3, (0.0, 120.0, 240.0), "s")
 
 
+@pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize(
     ("fields", "times"),
     [
