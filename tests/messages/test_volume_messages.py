@@ -31,6 +31,8 @@ META_LINES = {
 LARGE = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: {}\nencoding: {}\n{}\n"
 LARGE_META = "ObjectType = Image\nNDims = 3\nDimSize = {}\nElementType = MET_UCHAR\nElementDataFile = {}\n"
 BEYOND = "1e300 2 1e300"
+# A line of 16 bytes before the voxels.
+LINE = b" " * 15 + b"\n"
 CUBE = "a\nb\n{} 0 0 0\n2 1 0 0\n2 0 1 0\n2 0 0 1\n"
 
 
@@ -55,8 +57,8 @@ EXCESSIVE = {
     "beyond.mhd": LARGE_META.format(BEYOND, "LIST\nb\nc").encode(), "blanks.nrrd": packed(f"spac{' ' * 9999}ings: 1\n"),
     "origins.nrrd": packed("space origin:" + "(1,1,1)" * 9 + "\n"),
     "bytes-to-skip.nrrd": packed("byte skip: 67108865\n"),
-    "lines-to-skip.nrrd": packed("line skip: 9999999\n", encoding="raw", data=b"\n" * 2**22 + bytes(8)),
-    "lines-to-skip-packed.nrrd": packed("line skip: 9999999\n", data=b"\n" * 2**22 + bytes(8)),
+    "lines-to-skip.nrrd": packed("line skip: 9999999\n", encoding="raw", data=LINE * 2**18 + bytes(8)),
+    "lines-to-skip-packed.nrrd": packed("line skip: 9999999\n", data=LINE * 2**18 + bytes(8)),
     "infinite-directions.nrrd": packed("space: RAS\nspace directions: (inf,0,0) (0,1,0) (0,0,1)\n"),
     "infinite-spacings.nrrd": packed("spacings: inf 1 1\n"),
     "long-word.nrrd": packed("", encoding="text", data=b"1 " * 8 + b"x" * 5000),

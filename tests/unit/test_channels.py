@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 import tifffile
 import yaml
-from commands import hsplat
 from tiff_files import tiff_bytes
 
 import renderer
+from hsplat_cli import main
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError, SceneError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest import suggest_weight
 from renderer.volume import make_volume
+
+pytestmark = pytest.mark.usefixtures("one_process")
 
 STEP = np.linspace(0, 255, 256)
 RED, BLUE = (np.stack([STEP * on for on in color]).astype(np.uint8) for color in ((1, 0, 0), (0, 0, 1)))
@@ -111,15 +113,16 @@ def test_the_sidecar_has_a_plain_list_that_makes_the_film_again(tmp_path: Path) 
     assert [layer.name for layer in again.layers] == ["a", "b"]
 
 
-def test_init_writes_channels_that_can_be_edited(tmp_path: Path) -> None:
+def test_init_writes_channels_that_can_be_edited(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = imagej_file(tmp_path / "a.tif", Ranges=(10.0, 90.0, 50.0, 300.0), LUTs=[RED, BLUE])
-    tree = yaml.safe_load(hsplat("init", str(path)).stdout)
+    assert main.run(["init", str(path)]) == 0
+    tree = yaml.safe_load(capsys.readouterr().out)
     assert tree["blend"] == "add"
     rows = [(each["component"], each["color"], each["range"]) for each in tree["volumes"]]
     assert rows == [(0, "#ff0000", [10, 90]), (1, "#0000ff", [50, 300])]
 
 
-def test_init_takes_pictures_and_vectors_for_no_channels(tmp_path: Path) -> None:
+def test_init_takes_pictures_and_vectors_for_no_channels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tifffile.imwrite(tmp_path / "rgb.tif", np.arange(768, dtype=np.uint8).reshape(4, 8, 8, 3), photometric="rgb")
     vectors = np.random.default_rng(1).normal(size=(2, 3, 4, 5, 3)).astype(np.float32)
     np.save(tmp_path / "vectors.npy", vectors)
@@ -127,9 +130,10 @@ def test_init_takes_pictures_and_vectors_for_no_channels(tmp_path: Path) -> None
         ("rgb.tif", [], "color", "voxels that are colours"),
         ("vectors.npy", ["--time", "0"], None, "3 components"),
     ):
-        result = hsplat("init", str(tmp_path / name), *options)
-        assert yaml.safe_load(result.stdout)["volume"].get("component") == component, name
-        assert told in result.stderr
+        assert main.run(["init", str(tmp_path / name), *options]) == 0
+        printed = capsys.readouterr()
+        assert yaml.safe_load(printed.out)["volume"].get("component") == component, name
+        assert told in printed.err
 
 
 def test_no_layers_for_each_of_very_many_components(tmp_path: Path) -> None:

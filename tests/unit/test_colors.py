@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import tifffile
 import yaml
-from commands import hsplat
 from small_scene import small_tree
 from volume_files import write_image
 
+from hsplat_cli import main
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError, SceneError
 from renderer.readers import read_volume
@@ -36,6 +36,7 @@ def save_nifti(path: Path, voxels: Any, *, is_record: bool) -> None:
     nibabel.save(nibabel.Nifti1Image(stored if is_record else stored[:, :, :, None], np.eye(4)), path)
 
 
+@pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize("voxels", [RGB, RGBA], ids=["rgb", "rgba"])
 def test_colors_of_every_format(tmp_path: Path, voxels: Any) -> None:
     for name in ("a.nrrd", "a.mha", "a.tif", "a.npy"):
@@ -147,9 +148,15 @@ def test_a_scene_without_transfer_function_says_what_was_chosen(tmp_path: Path, 
     assert scene.layers[0].transfer_function.mapping[0].opacity == 0
 
 
-def test_init_and_info_take_pictures_for_colors(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("one_process")
+def test_init_and_info_take_pictures_for_colors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tifffile.imwrite(path := tmp_path / "a.tif", np.tile(RGB, (2, 3, 3, 1)), photometric="rgb")
-    tree = yaml.safe_load(hsplat("init", str(path)).stdout)
-    assert tree["volume"]["component"] == "color"
-    assert "voxels that are colours" in hsplat("info", str(path)).stdout
-    assert yaml.safe_load(hsplat("init", str(path), "--component", "1").stdout)["volume"]["component"] == 1
+
+    def printed(*arguments: str) -> str:
+        capsys.readouterr()
+        assert main.run(arguments) == 0
+        return capsys.readouterr().out
+
+    assert yaml.safe_load(printed("init", str(path)))["volume"]["component"] == "color"
+    assert "voxels that are colours" in printed("info", str(path))
+    assert yaml.safe_load(printed("init", str(path), "--component", "1"))["volume"]["component"] == 1

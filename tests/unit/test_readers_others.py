@@ -156,6 +156,7 @@ def test_voxels_without_an_empty_line_before_them_are_refused(tmp_path):
 # Folders and content
 
 
+@pytest.mark.usefixtures("one_process")
 def test_slices_beside_volumes_are_read_and_the_others_named(tmp_path):
     write_series(tmp_path, [k * NORMAL for k in range(3)])
     assert read(tmp_path).note is None
@@ -166,6 +167,7 @@ def test_slices_beside_volumes_are_read_and_the_others_named(tmp_path):
     assert volume.note == "its DICOM slices are one volume, which is read; left out: a.mha, b.nrrd"
 
 
+@pytest.mark.usefixtures("one_process")
 def test_the_only_volume_in_a_folder(tmp_path):
     (tmp_path / "study" / "scan").mkdir(parents=True)
     (tmp_path / "study" / "notes.txt").write_text("no volume")
@@ -197,6 +199,7 @@ def test_a_search_that_does_not_see_all_finds_nothing(tmp_path, monkeypatch):
     refused(tmp_path, match="too many files to be searched")
 
 
+@pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize("name", ["a.nrrd", "a.npy", "a.tif"])
 def test_formats_are_known_by_their_content(tmp_path, name):
     write_image(tmp_path / name, VALUES)
@@ -204,6 +207,7 @@ def test_formats_are_known_by_their_content(tmp_path, name):
     np.testing.assert_array_equal(read(tmp_path / "scan.nii").values, VALUES)
 
 
+@pytest.mark.usefixtures("one_process")
 def test_dicom_may_have_any_name(tmp_path):
     write_series(tmp_path, [0 * NORMAL])
     (tmp_path / "99.dcm").rename(tmp_path / "image.img")

@@ -10,6 +10,8 @@ from dicom_files import image_fields, save
 from transcripts import Case, cases
 from volume_files import read, write_image
 
+pytestmark = pytest.mark.usefixtures("one_process")
+
 
 def write(folder: Path, names: list[str]) -> None:
     """Write a slice for each name, which holds its place among them."""
