@@ -211,7 +211,8 @@ def test_an_error_near_the_allowed_one_is_measured_by_more_rays(
     scene = scene_of(write_store(tmp_path / "a", smooth()), frames=1)
     most, found, reads = 0.5 * 10**-4.0, list[ErrorSamples](), _Reads(monkeypatch)
     original = LevelErrors.error_of
-    monkeypatch.setattr("renderer.resolve.level_errors._NUM_CELLS", 2)
+    monkeypatch.setattr("renderer.resolve.level_errors._NUM_CELLS", 4)
+    monkeypatch.setattr("renderer.resolve.level_errors._MANY_CELLS", 1)  # elsewhere
 
     def choice_if(means: Sequence[float]) -> LevelChoice:
         """Return the choice if these are the means of errors, each with a deviation of half the allowed error."""
@@ -225,14 +226,16 @@ def test_an_error_near_the_allowed_one_is_measured_by_more_rays(
         monkeypatch.setattr(LevelErrors, "error_of", error_of)
         return choice_of(scene)
 
-    assert choice_if([2.0, 0.2]).number == 1 and [each.num for each in found] == [2, 2]
+    assert choice_if([2.0, 0.2]).number == 1 and [each.num for each in found] == [4, 4]
     few = reads.num_voxels(0)
-    assert choice_if([2.0, 0.5, 0.2]).number == 1 and [each.num for each in found] == [2, 2, 15]
-    assert choice_if([0.5, 0.5, 0.5]).number == 0 and [each.num for each in found] == [2, 15, 15]
+    choice = choice_if([2.0, 0.5, 0.2])
+    assert choice.number == 1 and [each.num for each in found] == [4, 4, 1]
+    assert choice.num_measured == reads.num_voxels(0) > few
+    assert choice_if([0.5, 0.5, 0.5]).number == 0 and [each.num for each in found] == [4, 1, 1]
     read = np.zeros([SIDE] * 3, np.int64)
     for box in reads.boxes[0]:
         read[box] += 1
-    assert read.max() == 1 and reads.num_voxels(0) > few
+    assert read.max() == 1
 
 
 def test_rays_go_to_cells_beside_those_with_errors() -> None:
