@@ -178,7 +178,9 @@ def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
         read = read_with_options(volume, Reporter(is_quiet=True))
     except InputError as error:
         return row | {"shape": str(error).splitlines()[0]}
-    row |= {"type": read.values.dtype.name, "shape": " x ".join(map(str, read.shape_xyz))}
+    level = next((number for number, each in enumerate(read.levels) if each.is_read), 0)
+    shape = " x ".join(map(str, read.shape_xyz)) + f" (level {level})" * (level > 0)
+    row |= {"type": read.values.dtype.name, "shape": shape}
     time = _time_facts(read, volume)
     return row | ({"steps": _time_text(time)} if time else {})
 

@@ -245,20 +245,24 @@ def volume_spec(volume: Path | str, options: ReadingOptions, problems: list[Inpu
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool = False) -> Volume:
-    """Read a volume that options describe, and report the reader's note.
+    """Read a volume that options describe, or a coarser level of a large store, and report the reader's note.
 
     in_time: whether the film shows all steps in time; then a note on the step that was read is left out. Raises
     InputError, with hints that name options and not keys of a scene.
     """
-    from renderer.readers import read_volume
+    from renderer.readers import overview_level, read_volume
 
     try:
-        read = read_volume(volume)
+        level = overview_level(volume)
+        read = read_volume(volume if level is None else replace(volume, level=level))
     except InputError as error:
         error.got, error.expected, error.hint = map(_as_options, (error.got, error.expected, error.hint))
         if isinstance(error, UnknownFormatError):
             error.hint = _headerless_hint(error)
         raise
+    if level is not None:
+        described = f"level {level} is described, and not the finest; `--level 0` describes the finest"
+        read = replace(read, note="; ".join(filter(None, (read.note, described))))
     is_open = in_time and volume.time is None and read.num_times > 1  # the film reads all steps in time
     if read.note is not None and not is_open:
         reporter.status(f"{read.name}: {_as_options(read.note)}")

@@ -21,6 +21,7 @@ Sizes are checked before memory is taken, and the checksums of compressed voxels
 - `units.py`: the units of lengths and values, and the axes of the world
 - `steps_in_time.py`: the number and the times of steps
 - `recent_images.py`: a cache of the images that were read last; `kept_levels.py`: levels of stores in the cache folder
+- `overview.py`: the level of a store by which a volume is described
 - `volume_files.py`: the files of a volume, and their marks
 - `voxel_colors.py`: components joined into colours
 - `segments.py`: overlapping segments joined into labels, and the segments of 3D Slicer

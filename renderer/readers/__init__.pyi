@@ -1,6 +1,7 @@
 from .components import are_colors as are_colors
 from .image import Image as Image
 from .kept_levels import looking_once as looking_once
+from .overview import overview_level as overview_level
 from .sniff import (
     TIFF_SUFFIXES as TIFF_SUFFIXES,
     UnknownFormatError as UnknownFormatError,

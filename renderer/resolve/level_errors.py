@@ -42,8 +42,8 @@ _PIXELS_PER_CELL = 16
 _SIDE = 64
 # The weight of a cell is the mean of squared differences of two coarse levels, by one ray through each cell of a square
 # of this many cells along a side around it. One ray alone misses fine detail: an error may be large where it finds no
-# difference. Of estimates by 24 cells of four volumes, the deviation was 0.20 to 0.41 of the error with 3, 0.22 to 0.46
-# with 5, and 0.44 to 1.9 with 1. With four rays through the cell itself, it was 0.22 to 1.5.
+# difference. Of estimates by 24 cells of four pictures, the deviation was 0.20 to 0.41 of the error with 3, 0.20 to
+# 0.46 with 5, and 0.44 to 1.9 with 1. With four rays through the cell itself, it was 0.22 to 1.5.
 _WINDOW = 3
 # This share of the mean weight of cells is added to each weight.
 _EVEN = 0.2

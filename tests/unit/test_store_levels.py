@@ -8,12 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from store_files import halves, scaled, write_ome
 
 from hsplat_cli.commands.check import check
+from hsplat_cli.commands.info import info
+from hsplat_cli.commands.init import init
 from hsplat_cli.commands.render import render
 from renderer.accuracy import TRUTH_TOLERANCE, ErrorSamples, compute_truth, psnr
 from renderer.cache import caching_in
@@ -208,7 +211,8 @@ def test_an_error_near_the_allowed_one_is_measured_by_more_rays(
     scene = scene_of(write_store(tmp_path / "a", smooth()), frames=1)
     most, found, reads = 0.5 * 10**-4.0, list[ErrorSamples](), _Reads(monkeypatch)
     original = LevelErrors.error_of
-    monkeypatch.setattr("renderer.resolve.level_errors._NUM_CELLS", 2)
+    monkeypatch.setattr("renderer.resolve.level_errors._NUM_CELLS", 4)
+    monkeypatch.setattr("renderer.resolve.level_errors._MANY_CELLS", 1)  # elsewhere
 
     def choice_if(means: Sequence[float]) -> LevelChoice:
         """Return the choice if these are the means of errors, each with a deviation of half the allowed error."""
@@ -222,14 +226,16 @@ def test_an_error_near_the_allowed_one_is_measured_by_more_rays(
         monkeypatch.setattr(LevelErrors, "error_of", error_of)
         return choice_of(scene)
 
-    assert choice_if([2.0, 0.2]).number == 1 and [each.num for each in found] == [2, 2]
+    assert choice_if([2.0, 0.2]).number == 1 and [each.num for each in found] == [4, 4]
     few = reads.num_voxels(0)
-    assert choice_if([2.0, 0.5, 0.2]).number == 1 and [each.num for each in found] == [2, 2, 15]
-    assert choice_if([0.5, 0.5, 0.5]).number == 0 and [each.num for each in found] == [2, 15, 15]
+    choice = choice_if([2.0, 0.5, 0.2])
+    assert choice.number == 1 and [each.num for each in found] == [4, 4, 1]
+    assert choice.num_measured == reads.num_voxels(0) > few
+    assert choice_if([0.5, 0.5, 0.5]).number == 0 and [each.num for each in found] == [4, 1, 1]
     read = np.zeros([SIDE] * 3, np.int64)
     for box in reads.boxes[0]:
         read[box] += 1
-    assert read.max() == 1 and reads.num_voxels(0) > few
+    assert read.max() == 1
 
 
 def test_rays_go_to_cells_beside_those_with_errors() -> None:
@@ -310,6 +316,26 @@ def test_check_the_terminal_and_the_sidecar_say_it(tmp_path: Path) -> None:
         render, [str(tmp_path / "film-frames.json"), "--output", str(tmp_path / "b{frame}.png")], catch_exceptions=False
     )
     assert again.exit_code == 0 and (tmp_path / "b2.png").read_bytes() == (tmp_path / "film-2.png").read_bytes()
+
+
+@pytest.mark.usefixtures("one_process")
+@pytest.mark.parametrize("command", [info, init])
+def test_a_large_store_is_described_by_a_coarse_level(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: click.Command
+) -> None:
+    """No voxels of finer levels are read for a description, which says so; the scene leaves the level open."""
+    folder = write_store(tmp_path / "a", smooth())
+    reads = _Reads(monkeypatch)
+    monkeypatch.setattr("renderer.readers.overview._MOST_VOXELS", (SIDE // 4) ** 3)
+    monkeypatch.setattr("hsplat_cli.commands.init._tell_faults", lambda *_: None)  # it draws a picture
+    told = CliRunner().invoke(command, [str(folder)], catch_exceptions=False)
+    assert sorted(reads.boxes) == [2]
+    assert "level 2 is described, and not the finest; `--level 0` describes the finest" in told.stderr
+    assert ("16 x 16 x 16 voxels (x, y, z)" in told.stdout) == (command is info)
+    assert "level:" not in told.stdout
+    reads.boxes.clear()
+    told = CliRunner().invoke(command, [str(folder), "--level", "0"], catch_exceptions=False)
+    assert sorted(reads.boxes) == [0] and "described" not in told.stderr
 
 
 def test_blocks_are_whole_chunks_and_come_back_from_plain_data() -> None:
