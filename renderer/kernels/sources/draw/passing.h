@@ -3,7 +3,7 @@
 // From an invisible sample on, the scalar rises by a limited amount with each sample, as long as the ray stays between the
 // same eight texels. The next sample is the first that may reach the lowest visible scalar, or that lies behind the cell.
 // All others are taken where they are taken without it: pictures have the same bytes. On an opaque, lit shell in 512^3
-// voxels, with ten samples of a cell, a frame takes 0.55 of the time; in 128^3 voxels, 0.62.
+// voxels, with ten samples of a cell, and in 128^3, a frame takes 0.6 of the time.
 #pragma once
 #include "draw/fields.h"
 
