@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from renderer.scene import schema
 from renderer.scene.camera_section import direction_field
@@ -24,7 +24,8 @@ MIN_KEY_RADIUS = 0.1
 MAX_STOPS = 20.0
 
 _COLOR = schema.still(COLOR_FIELD)
-_DIRECTION_WORDS = "[x, y, z], not all 0: from the object to the light"
+_DIRECTION_WORDS = "[x, y, z], not all 0: from the object to the light; or camera"
+_DIRECTION = schema.word_or({"camera": "camera"}, direction_field(_DIRECTION_WORDS), _DIRECTION_WORDS)
 _UP = schema.still(direction_field("[x, y, z], not all 0: to the top of the environment"))
 _STRENGTH = schema.still(schema.number_field(minimum=0, maximum=MAX_KEY_STRENGTH))
 _RADIUS = schema.still(schema.number_field(minimum=MIN_KEY_RADIUS, maximum=90))
@@ -69,11 +70,12 @@ _ENVIRONMENT = schema.FieldType(
 class KeySpec:
     """A key light: a disc of even radiance, far away.
 
-    direction: points from the object to the light, in world axes. radius: the angular radius, in degrees.
+    direction: points from the object to the light, in world axes; "camera" is light from the viewer. radius: the
+        angular radius, in degrees.
     strength: 1 lights a surface that faces the light as much as an even white sky does.
     """
 
-    direction: Annotated[Vector, direction_field(_DIRECTION_WORDS)] = (1.0, -1.0, 1.0)
+    direction: Annotated[Vector | Literal["camera"], _DIRECTION] = (1.0, -1.0, 1.0)
     color: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
     strength: Annotated[float, _STRENGTH] = 1.0
     radius: Annotated[float, _RADIUS] = 14.0
@@ -132,6 +134,11 @@ class LightSpec:
     def surfaces(self) -> SurfaceSpec | None:
         """Return how surfaces reflect light; None if no point is a surface."""
         return SurfaceSpec(self.surface, self.specular, self.shininess) if self.surface > 0 else None
+
+    @property
+    def follows_camera(self) -> bool:
+        """Return whether the key light comes from the viewer."""
+        return self.key is not None and self.key.direction == "camera"
 
     def written(self) -> dict[str, object]:
         """Return the keys of the section with their values."""
