@@ -113,8 +113,8 @@ class LightSpec:
         reflectance with which opaque matter shows the same colour as without surfaces in even light
         (`surface_reflectance`). g is the change of the opacity of four finest spacings between the points one spacing
         before and behind along the gradient, and n points to less opacity. Of labels, g is 3.2 times the gradient of
-        smoothed opacities over the finest spacing, at most 1. Faces that clip cuts have their own normals, and g is there
-        the opacity of four finest spacings; they share points with the gradient as with `ShadingSpec.cut_faces`.
+        smoothed opacities over the finest spacing, at most 1. Faces that clip cuts have their own normals, and g is
+        the opacity of four finest spacings there; they share points with the gradient as with `ShadingSpec.cut_faces`.
     specular, shininess: highlights of the key light on surfaces, `specular max(0, n . h)^shininess` times its
         irradiance over pi where n . l > 0, with the directions of ShadingSpec to the middle of the key light.
     exposure: the power of 2 by which all light is multiplied. None chooses it on the first frame, so that nine tenths
