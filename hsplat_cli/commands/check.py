@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -166,15 +166,22 @@ def _motion(scene: FilmScene) -> Iterator[tuple[str, str]]:
     in_time = ["all steps in time"] * any(layer.volume.time == "auto" for layer in scene.at(0).layers)
     if scene.moves or in_time:
         yield "motion", join_some([*in_time, *moving_values(scene, 0)])
-    if not scene.moves:
+    light = scene.at(0).light
+    if not scene.moves and (light is None or not light.follows_camera):
         return
-    from renderer.layers import frames_of_new_layers
+    from renderer.layers import frames_of_new_layers, frames_of_new_light
 
     for number, layer in enumerate(scene.at(0).layers):
         if runs := frames_of_new_layers(scene, number):
-            num = sum(last - first + 1 for first, last in runs)
-            frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs])
-            yield "layer", f"{layer.name} " * bool(layer.name) + f"made again on {counted(num, 'frame')}: {frames}"
+            yield "layer", f"{layer.name} " * bool(layer.name) + f"made again on {_frames_text(runs)}"
+    if runs := frames_of_new_light(scene):
+        yield "light", f"found again on {_frames_text(runs)}"
+
+
+def _frames_text(runs: Sequence[tuple[int, int]]) -> str:
+    num = sum(last - first + 1 for first, last in runs)
+    frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs])
+    return f"{counted(num, 'frame')}: {frames}"
 
 
 def _volumes(scene: FilmScene) -> Iterator[tuple[str, str]]:

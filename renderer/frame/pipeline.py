@@ -45,6 +45,7 @@ from renderer.view import (
     place_object_clips,
     visible_centre,
     volume_corners,
+    with_key_of_camera,
 )
 from renderer.volume import Float64, Volume
 
@@ -77,7 +78,7 @@ def prepare_stage(
         tolerances of the scene's schedule.
     maker: a maker that has made the stage of a similar scene, and reuses its layers; None for a new one.
     """
-    scene, watch = with_draw_order(scene), Stopwatch(clock)
+    scene, watch = with_key_of_camera(with_draw_order(scene)), Stopwatch(clock)
     first, size = scene.at(0), scene.output.size
     maker = maker or StageMaker(num_threads, any_tolerance, known=known or {})
     if volumes is not None:

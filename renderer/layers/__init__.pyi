@@ -16,6 +16,7 @@ from .placement import (
 from .scattered_light import (
     NO_SOLVED_LIGHT as NO_SOLVED_LIGHT,
     SolvedLight as SolvedLight,
+    frames_of_new_light as frames_of_new_light,
     light_of_layers as light_of_layers,
 )
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from renderer.layers.layer import Layer
 from renderer.lighting import Matter, SceneLight, solve_scene_light
-from renderer.scene import Scene
-from renderer.view import are_clipped_away, place_object_clips
+from renderer.scene import FilmScene, Scene
+from renderer.view import are_clipped_away, place_object_clips, with_key_of_camera
 
 
 class SolvedLight(NamedTuple):
@@ -28,6 +28,13 @@ class SolvedLight(NamedTuple):
 
 # The light of a scene without `light`.
 NO_SOLVED_LIGHT = SolvedLight((), None, is_first=True)
+
+
+def frames_of_new_light(film: FilmScene) -> list[tuple[int, int]]:
+    """Return the runs of frames, as (first, last), on which the light that layers scatter has to be found anew."""
+    if film.at(0).light is None:
+        return []
+    return with_key_of_camera(film).map(lambda scene: (scene.light, scene.clip, scene.layers)).changing_frames
 
 
 def light_of_layers(

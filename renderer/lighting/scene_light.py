@@ -84,6 +84,7 @@ def sources_of(light: LightSpec) -> LightSources:
     bands = np.stack([(mean + 2 * horizon) / 3, (top - bottom) / 2, (mean - horizon) * 2 / 3])
     key, radius, irradiance = (0.0, 0.0, 1.0), 14.0, np.zeros(3)
     if light.key is not None:
+        assert isinstance(light.key.direction, tuple), "with_key_of_camera gives the directions"
         key, radius = _unit(light.key.direction), light.key.radius
         irradiance = np.pi * light.key.strength * linear_of_srgb(light.key.color)
     return LightSources(_unit(light.up), bands, key, radius, irradiance, light.scattering, light.surfaces)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from renderer.scene import schema
 from renderer.scene.camera_section import direction_field
@@ -23,7 +23,8 @@ MIN_KEY_RADIUS = 0.1
 MAX_STOPS = 20.0
 
 _COLOR = schema.still(COLOR_FIELD)
-_DIRECTION_WORDS = "[x, y, z], not all 0: from the object to the light"
+_DIRECTION_WORDS = "[x, y, z], not all 0: from the object to the light; or camera"
+_DIRECTION = schema.word_or({"camera": "camera"}, direction_field(_DIRECTION_WORDS), _DIRECTION_WORDS)
 _UP = schema.still(direction_field("[x, y, z], not all 0: to the top of the environment"))
 _STRENGTH = schema.still(schema.number_field(minimum=0, maximum=MAX_KEY_STRENGTH))
 _RADIUS = schema.still(schema.number_field(minimum=MIN_KEY_RADIUS, maximum=90))
@@ -68,11 +69,12 @@ _ENVIRONMENT = schema.FieldType(
 class KeySpec:
     """A key light: a disc of even radiance, far away.
 
-    direction: points from the object to the light, in world axes. radius: the angular radius, in degrees.
+    direction: points from the object to the light, in world axes; "camera" is light from the viewer. radius: the
+        angular radius, in degrees.
     strength: 1 lights a surface that faces the light as much as an even white sky does.
     """
 
-    direction: Annotated[Vector, direction_field(_DIRECTION_WORDS)] = (1.0, -1.0, 1.0)
+    direction: Annotated[Vector | Literal["camera"], _DIRECTION] = (1.0, -1.0, 1.0)
     color: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
     strength: Annotated[float, _STRENGTH] = 1.0
     radius: Annotated[float, _RADIUS] = 14.0
@@ -108,10 +110,10 @@ class LightSpec:
     surface: u in the share w = u g of a point that is a surface. With the albedo a and the mean radiance phi, the point
         shows (1 - w) a phi + w (c E(n) / pi + highlights). E(n) is the irradiance of a plane whose normal is n, and c a
         reflectance with which opaque matter shows the same colour as without surfaces in even light
-        (`surface_reflectance`). g is the change of a voxel's opacity between the points one finest spacing before and
-        behind along the gradient, and n points to less opacity. Of labels, g is 3.2 times the gradient of smoothed
-        opacities over the finest spacing, at most 1. Faces that clip cuts have their own normals, and g is there the
-        opacity of a voxel at the point; they share points with the gradient as with `ShadingSpec.cut_faces`.
+        (`surface_reflectance`). g is the change of the opacity of four finest spacings between the points one spacing
+        before and behind along the gradient, and n points to less opacity. Of labels, g is 3.2 times the gradient of
+        smoothed opacities over the finest spacing, at most 1. Faces that clip cuts have their own normals, and g is
+        the opacity of four finest spacings there; they share points with the gradient as with `ShadingSpec.cut_faces`.
     specular, shininess: highlights of the key light on surfaces, `specular max(0, n . h)^shininess` times its
         irradiance over pi where n . l > 0, with the directions of ShadingSpec to the middle of the key light.
     exposure: the power of 2 by which all light is multiplied. None chooses it on the first frame, so that nine tenths
@@ -131,6 +133,11 @@ class LightSpec:
     def surfaces(self) -> SurfaceSpec | None:
         """Return how surfaces reflect light; None if no point is a surface."""
         return SurfaceSpec(self.surface, self.specular, self.shininess) if self.surface > 0 else None
+
+    @property
+    def follows_camera(self) -> bool:
+        """Return whether the key light comes from the viewer."""
+        return self.key is not None and self.key.direction == "camera"
 
     def written(self) -> dict[str, object]:
         """Return the keys of the section with their values."""

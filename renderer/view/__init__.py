@@ -5,6 +5,7 @@ cells are in the picture; the order of the splats or bricks that it sees, and th
 
 - `camera.py`: the view of one frame
 - `paths.py`: camera paths: turntables, rockers (back and forth), keyframes and sequences of paths
+- `key_light.py`: a key light that follows the camera
 - `flights.py`: paths on which the eye flies along a curve
 - `framing.py`: the camera distance at which all visible cells are in the image
 - `seen.py`: the visible cells that decide how a volume is framed

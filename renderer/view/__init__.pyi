@@ -21,6 +21,7 @@ from .framing import (
     visible_points as visible_points,
     volume_corners as volume_corners,
 )
+from .key_light import with_key_of_camera as with_key_of_camera
 from .order_blending import OrderBlending as OrderBlending, make_order_blending as make_order_blending
 from .paths import make_view as make_view
 from .splat_projection import (

@@ -19,6 +19,7 @@ from test_scattered_light import (
     TURNED,
     blobs,
     colors_of,
+    film_of,
     points,
     scene_of,
     stage_of,
@@ -27,6 +28,7 @@ from test_scattered_light import (
 
 from renderer.errors import SceneError
 from renderer.frame import view_of
+from renderer.layers import frames_of_new_light
 from renderer.lighting import sources_of
 from renderer.scene import ClipSpec, PlaneSpec, SurfaceSpec, Vector, parse_scene
 from renderer.transfer import albedo_of_thick, surface_reflectance
@@ -226,3 +228,39 @@ def test_larger_cells_have_no_surfaces(error: dict[str, Any]) -> None:
     scene = scene_of({"transfer_function": points("white")}, light=EVEN | {"surface": 0.5}, error=error)
     with pytest.raises(SceneError, match=r"light\.surface: contradicts error\."):
         parse_scene(scene, base=Path())
+
+
+def test_a_key_light_that_follows_the_camera_is_found_on_each_frame_of_a_turn() -> None:
+    light = {"environment": BLACK, "key": {"direction": "camera"}, "surface": 1}
+    film = film_of(scene_of({"transfer_function": points("gray")}, light=light), field(ball()))
+    found = []
+    for frame in (0, 3):
+        stage, view = film.at(frame), view_of(film, frame)
+        assert stage.scene.light is not None and stage.scene.light.key is not None
+        np.testing.assert_allclose(stage.scene.light.key.direction, view.axes[2], atol=1e-12)
+        found.append(drawn(stage, number=frame)[..., 0])
+    lights = [film.at(frame).groups[0].light for frame in (0, 3, 3)]
+    assert lights[0] is not None and lights[1] is not None
+    assert lights[1] is lights[2]
+    assert lights[0].stops == lights[1].stops
+    # A ball has the same light on all frames, brightest in the middle, as the light comes from the viewer.
+    np.testing.assert_allclose(found[0].mean(), found[1].mean(), rtol=0.12)
+    for picture in found:
+        assert picture[20:28, 20:28].mean() > 1.2 * picture[picture > 0.01].mean()
+
+
+def test_the_frames_of_new_light_are_told() -> None:
+    def runs(light: dict[str, Any], **camera: Any) -> list[tuple[int, int]]:
+        path = {"type": "turntable", "frames": 8}
+        return frames_of_new_light(
+            parse_scene(
+                scene_of({"transfer_function": points("gray")}, light=light, camera={"path": camera.get("path", path)}),
+                base=Path(),
+            )
+        )
+
+    following: dict[str, Any] = {"key": {"direction": "camera"}}
+    assert runs(following) == [(1, 7)]
+    assert runs(following, path={"type": "hold", "frames": 5}) == []
+    assert runs({"key": {"direction": {2: [0, 0, 1], 4: [1, 0, 0]}}}) == [(3, 4)]
+    assert runs({"key": {}}) == []

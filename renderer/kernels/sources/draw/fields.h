@@ -149,7 +149,7 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
         const Mask falls = mask_of(rise < 0.0f);
         auto turned = [&](Floats along) { return where(falls, -along, along); };
         gradient = {turned(gradient.x), turned(gradient.y), turned(gradient.z)};
-        const Floats own_opacity = opacity_of_depth(found.sample.tau);
+        const Floats own_opacity = opacity_of_depth(OPACITY_SPACINGS * found.sample.tau);
         auto of_face = [&](const Three& slope) { return point.reflected(slope, own_opacity); };
         found.sample = point.shown(found.sample, cut(point.reflected(gradient, magnitude(rise)), of_face));
     }

@@ -6,7 +6,7 @@
 //
 // c is the reflectance of surfaces of the albedo, with which opaque matter shows the same colour as without surfaces in even
 // light. E(n) is the irradiance of a plane whose normal is n. The share w is the scene's share times the change of opacity between the points one finest spacing before and behind the sample along the
-// gradient; n points to less opacity. Of labels, the change is LABEL_GAIN times the gradient of smoothed opacities. A face
+// gradient, with OPACITY_SPACINGS as the length that is opaque; n points to less opacity. Of labels, the change is LABEL_GAIN times the gradient of smoothed opacities. A face
 // that clipping cuts is a surface between nothing and the sample's opacity. The truth has the same definition
 // (renderer/kernels/sources/truth/truth_surface.h).
 #pragma once
@@ -16,6 +16,9 @@
 // The factor on the gradient of the smoothed opacities of labels, over the finest spacing. It is 5/16 beside a flat border
 // between nothing and an opaque label.
 constexpr float LABEL_GAIN = 3.2f;
+// The length, in finest spacings, whose opacity tells surfaces. Matter that is opaque over a few voxels looks like a
+// surface.
+constexpr float OPACITY_SPACINGS = 4.0f;
 // The largest scalar that is classified, in texels, so that it is below the end of the last piece of transfer functions.
 constexpr float LARGEST_TEXEL = 1e30f;
 
@@ -124,7 +127,7 @@ INLINE Floats rise_of_opacity(const Field& field, const LaneTable& table, Floats
     if (field.is_labels) return min_of(one, LABEL_GAIN * change);
     auto opacity_at = [&](Floats at) {
         Floats tau = classify(table, min_of(max_of(at, -largest), largest)).tau;
-        return opacity_of_depth(max_of(in_all<Floats>(0.0f), tau));
+        return opacity_of_depth(max_of(in_all<Floats>(0.0f), OPACITY_SPACINGS * tau));
     };
     return opacity_at(scalar + change) - opacity_at(scalar - change);
 }

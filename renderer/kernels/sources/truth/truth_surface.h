@@ -1,8 +1,8 @@
 // The surfaces of matter that scatters light, at points of a ray.
 //
 // A point is a surface to a share of 0 to 1, and scatters light with the remainder. The share is that of the scene, times
-// the change of opacity between the points one finest spacing before and behind the point along the gradient; the normal
-// points to less opacity. Of labels, the change is LABEL_GAIN times the gradient of smoothed opacities. A face that
+// the change of opacity, over OPACITY_SPACINGS, between the points one finest spacing before and behind the point along
+// the gradient; the normal points to less opacity. Of labels, the change is LABEL_GAIN times the gradient of smoothed opacities. A face that
 // clipping cuts is a surface between nothing and the opacity at the point; faces and gradient share the point as they
 // share its light (Light::for_faces).
 #pragma once
@@ -22,10 +22,13 @@ struct Facet {
     Point normal;
 };
 
-// Return the opacity of a voxel of a layer for a value. voxel: the finest spacing.
-inline double opacity_of_voxel(const LayerRay& layer, double value, double voxel) {
+// The length, in finest spacings, whose opacity tells surfaces.
+constexpr double OPACITY_SPACINGS = 4.0;
+
+// Return the opacity of a layer for a value, over OPACITY_SPACINGS. voxel: the finest spacing.
+inline double opacity_of(const LayerRay& layer, double value, double voxel) {
     const Interval in = layer.interval(num_below(layer.intervals.knots, value));
-    return -expm1_of(-most(0.0, in.base() + in.slope() * (value - in.origin())) * voxel);
+    return -expm1_of(-most(0.0, in.base() + in.slope() * (value - in.origin())) * OPACITY_SPACINGS * voxel);
 }
 
 // Choose whether a path begins on a surface of a layer, by the share of the surface. x: the place in the part of the ray.
@@ -37,7 +40,7 @@ inline Facet choose_facet(const LayerRay& layer, double x, double voxel, double 
     layer.light.for_faces(t, [&](double weight, Point) { rest *= 1.0 - weight, sum += weight; });
     Facet found = {};
     if (sum > 0.0) {
-        const double of_faces = share * (1.0 - rest) / sum * opacity_of_voxel(layer, value, voxel);
+        const double of_faces = share * (1.0 - rest) / sum * opacity_of(layer, value, voxel);
         layer.light.for_faces(t, [&](double weight, Point normal) {
             reached += of_faces * weight;
             if (!found.exists && chosen < reached) found = {true, normal};
@@ -49,7 +52,7 @@ inline Facet choose_facet(const LayerRay& layer, double x, double voxel, double 
     const double change = length * divisor * voxel;
     double rise = least(1.0, LABEL_GAIN * change);
     if (!layer.label_opacities.exists)
-        rise = opacity_of_voxel(layer, value + change, voxel) - opacity_of_voxel(layer, value - change, voxel);
+        rise = opacity_of(layer, value + change, voxel) - opacity_of(layer, value - change, voxel);
     if (!(chosen < reached + share * rest * absolute(rise))) return {};
     return {true, (rise < 0.0 ? -1.0 : 1.0) / length * normal};
 }
