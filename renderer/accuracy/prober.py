@@ -34,7 +34,8 @@ class Probe:
     """The result of the probes of a frame.
 
     samples: a summary of the squared errors of probes.
-    largest_error: the largest error of a channel at a probe, in [0, 1]; at edges, and by paths, it is too large, as they are few.
+    largest_error: the largest error of a channel at a probe, in [0, 1]; at edges, and by paths, it is too large, as
+        rays are few.
     visible: the opacity that each of the `scalar_ranges` adds to the mean opacity of the picture; empty in modes that
         show a number of a ray in place of light.
     shared: the errors at probes that the frame shares with a neighbouring frame; None if it shares none.

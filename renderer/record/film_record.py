@@ -69,7 +69,9 @@ class FrameAccuracy:
     variance: Annotated[float, types.AMOUNT, "The variance of the squared errors, weighted by the chances of pixels."]
     largest: Annotated[float, types.AMOUNT, "The largest magnitude of a weighted squared error, which may be below 0."]
     largest_error: Annotated[
-        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; at edges, and by paths, it is too large."
+        float,
+        types.AMOUNT,
+        "The largest error of a probed channel, in [0, 1]; at edges, and by paths, it is too large.",
     ]
     mean: Annotated[float | None, types.COORDINATE, "The mean squared error; if left out, that of the PSNR."] = None
     shared: Annotated[SharedProbes | None, "The errors for flicker, if the frame shares probes with another."] = None
@@ -244,7 +246,9 @@ class FilmAccuracy:
     rays: Annotated[int, types.COUNT, "The number of probed pixels in all frames."]
     worst: Annotated[WorstFrame, "The least exact frame."]
     largest_error: Annotated[
-        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; at edges, and by paths, it is too large."
+        float,
+        types.AMOUNT,
+        "The largest error of a probed channel, in [0, 1]; at edges, and by paths, it is too large.",
     ]
     method: Annotated[str, "The method by which pixels are chosen."]
     seed: Annotated[int, types.COUNT, "The seed of the choice of pixels."]
