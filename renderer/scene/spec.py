@@ -279,6 +279,7 @@ class Scene(FilmScene):
         first = self.layers[0]
         asks = {
             "mode": self.mode.is_projection,
+            "light": self.light is not None,
             "clip": bool(self.clip),
             "labels": first.transfer_function.labels is not None,
             "volumes": self.has_list,
