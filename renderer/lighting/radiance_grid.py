@@ -17,8 +17,8 @@ exp(-x) at the depth x. On a path of p widths of a cell, light arrives there by 
 cell of the depth t is (1 - exp(-(1 + p) t)) / ((1 + p) (1 - exp(-t))): exp(-p t / 2) in clear cells, and 1 / (1 + p) in
 opaque ones, as a half-space shows light that scatters once. Light that passes a cell meets t, so that a wall of one
 cell is as opaque as it should be. The key light passes between the middles of cells by the mean of their
-transmittances, so that a surface that it grazes is not dark; of a wall of one cell, at 45 degrees, it lets 0.12 through,
-and none of a wall of two cells.
+transmittances, so that a surface that it grazes is not dark; of a wall of one cell, at 45 degrees, it lets 0.12
+through, and none of a wall of two cells.
 """
 
 from __future__ import annotations
