@@ -237,8 +237,7 @@ class PrepareCells(Protocol):
         self,
         *,
         cells: NDArray[np.float32],
-        half_path: float,
-        cap: float,
+        path: float,
     ) -> PrepareCellsCall: ...
 
 class ScatterLightCall(Protocol):

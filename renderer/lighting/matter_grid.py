@@ -5,6 +5,7 @@ The grid has the axes of the world, covers the boxes of all volumes, and has one
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -20,6 +21,8 @@ ROW_CELLS = 16
 _PLACES_PER_VOXEL = 2
 # The largest number of places along an axis of a cell.
 _MAX_PLACES = 4
+# The number of places along an axis of a cell that clip planes and boxes are asked for.
+_CLIP_PLACES = 4
 
 
 class Matter(NamedTuple):
@@ -87,7 +90,7 @@ def average_layers(
             continue
         own = matter._replace(cells=np.zeros_like(matter.cells))
         _add_layer(layer, own, threads)
-        matter.cells[:] += own.cells * ~_removed_cells(layer.volume, layer.are_removed, matter)
+        matter.cells[:] += own.cells * _kept_shares(layer.volume, layer.are_removed, matter)
     return matter
 
 
@@ -117,14 +120,35 @@ def _scalars_of_patterns(dtype: np.dtype[np.generic]) -> Array | None:
     return scalars
 
 
-def _removed_cells(volume: Volume, are_removed: Callable[[Float64], Bools], matter: MatterGrid) -> Bools:
-    """Return which cells have their middles clipped away, bool [z, y, x], padded."""
-    z, y, x = np.indices(matter.cells.shape[1:]).reshape(3, -1) + 0.5
-    places = matter.origin + matter.cell * np.column_stack([x, y, z])
+def _kept_shares(volume: Volume, are_removed: Callable[[Float64], Bools], matter: MatterGrid) -> Float32:
+    """Return the share of each cell that is not clipped away, float32 [z, y, x], padded.
+
+    Cells beside which nothing changes, by the middles of cells, are kept or removed as a whole.
+    """
     to_index = np.linalg.inv(volume.world_from_index)
-    middles = places @ to_index[:3, :3].T + to_index[:3, 3] - volume.centre_index
-    removed = are_removed(np.stack([middles, middles], axis=1))
-    return np.asarray(removed.reshape(matter.cells.shape[1:]))
+
+    def are_kept(cells: Float64) -> Bools:
+        places = matter.origin + matter.cell * cells
+        indices = places @ to_index[:3, :3].T + to_index[:3, 3] - volume.centre_index
+        return ~are_removed(np.stack([indices, indices], axis=1))
+
+    shape = matter.cells.shape[1:]
+    shares = are_kept(np.indices(shape).reshape(3, -1).T[:, ::-1] + 0.5).reshape(shape).astype(np.float32)
+    cut = _beside_changes(shares > 0)
+    corners = np.argwhere(cut)[:, ::-1]
+    places = np.array(list(itertools.product((np.arange(_CLIP_PLACES) + 0.5) / _CLIP_PLACES, repeat=3)))
+    shares[cut] = np.mean([are_kept(corners + place) for place in places], axis=0)
+    return shares
+
+
+def _beside_changes(flags: Bools) -> Bools:
+    """Return which cells differ from one of the 26 cells around them, bool [z, y, x]."""
+    every, some = flags, flags
+    for axis in range(3):
+        padded = [np.pad(np.moveaxis(each, axis, 0), [(1, 1), (0, 0), (0, 0)], mode="edge") for each in (every, some)]
+        every, some = padded[0][:-2] & padded[0][1:-1] & padded[0][2:], padded[1][:-2] | padded[1][1:-1] | padded[1][2:]
+        every, some = np.moveaxis(every, 0, axis), np.moveaxis(some, 0, axis)
+    return some & ~every
 
 
 def coarser(matter: MatterGrid) -> MatterGrid:

@@ -79,19 +79,16 @@ LONG_KERNEL(average_matter, AverageMatter)
 struct PrepareCells {
     // [4, z, y, x]: as AverageMatter writes it.
     Array<const float, 4> cells;
-    // The length of a sweep's path through half of a cell, in widths of a cell.
-    double half_path;
-    // The optical depth of a cell that light on its way to the middle of the cell never meets.
-    double cap;
+    // The length of a sweep's path through a cell, in widths of a cell.
+    double path;
     // The index of the block, along z.
     EACH_CALL int64_t block;
     // [3, z, y, x]: the albedos.
     EACH_CALL Array<float, 4> albedos;
-    // [4, z, y, x]: the shares of light that reach the middle of a cell, and that pass through the cell, along a sweep;
-    // the optical depths of a path as long as a cell is wide, for light on its way to the middle, and for light that
-    // passes.
+    // [3, z, y, x]: the shares of light that reach the visible matter of a cell, and that pass through the cell, along
+    // a sweep; the optical depths of a path as long as a cell is wide.
     EACH_CALL Array<float, 4> along_x;
-    // [4, x, y, z]: the same.
+    // [3, x, y, z]: the same.
     EACH_CALL Array<float, 4> along_z;
 };
 LONG_KERNEL(prepare_cells, PrepareCells)
@@ -116,7 +113,7 @@ LONG_KERNEL(scatter_light, ScatterLight)
 
 // Carry light through all cells along four directions, whose largest part is along one axis.
 struct SweepLight {
-    // [4, planes, rows, cells] if `are_planes_first`, else [4, rows, planes, cells]: as PrepareCells writes it.
+    // [3, planes, rows, cells] if `are_planes_first`, else [3, rows, planes, cells]: as PrepareCells writes it.
     Array<const float, 4> shares;
     // [3, ...]: the light that cells scatter, in the same order.
     Array<const float, 4> scattered;

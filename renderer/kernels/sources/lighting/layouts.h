@@ -6,6 +6,8 @@
 // The number that divides the length of a row, the largest number of lanes. It is the same in
 // renderer/lighting/radiance_grid.py.
 constexpr int64_t ROW_CELLS = 16;
+// Up to this optical depth of a cell, the light in the middle stands for the light of the whole cell.
+constexpr float LEAST_DEPTH = 1 / 64.0f;
 
 // The shape of a grid in both layouts.
 struct Shape {

@@ -62,9 +62,6 @@ INLINE bool may_show(const Array<const T, 3>& voxels, const AverageMatter& of, c
     return least_scalar <= most_scalar && is_range_visible(of.breakpoints, least_scalar, most_scalar);
 }
 
-// Return an optical depth that approaches `cap`, and is equal to `depth` where it is small.
-INLINE double capped(double depth, double cap) { return cap * -expm1_of(-depth / cap); }
-
 }  // namespace
 
 // Add the means over the cells of a slab.
@@ -116,20 +113,22 @@ Status average_matter(const AverageMatter* arguments) {
 
 // Write how the cells of a block scatter and let light through.
 Status prepare_cells(const PrepareCells* arguments) {
-    const auto& [cells, half_path, cap, block, albedos, along_x, along_z] = *arguments;
+    const auto& [cells, path, block, albedos, along_x, along_z] = *arguments;
     Shape shape = shape_of(along_x, along_z);
-    bool fits = shape.has(block) && shape.fits(cells, 4) && shape.fits(albedos, 3) && shape.fits(along_x, 4) &&
-        shape.fits_turned(along_z, 4);
+    bool fits = shape.has(block) && shape.fits(cells, 4) && shape.fits(albedos, 3) && shape.fits(along_x, 3) &&
+        shape.fits_turned(along_z, 3);
     if (!fits) return OUT_OF_BOUNDS;
     for_tiles(shape, block, [&](int64_t y, const Tile& tile) {
         for (int64_t z = tile.z; z < tile.z + tile.num_z; z++)
             for (int64_t x = tile.x; x < tile.x + tile.num_x; x++) {
-                double depth = (double)cells(3, z, y, x), to_middle = capped(depth, cap);
+                double depth = (double)cells(3, z, y, x), through = exp_of(-path * depth);
                 for (int c = 0; c < 3; c++)
                     albedos(c, z, y, x) = depth > 0 ? (float)least((double)cells(c, z, y, x) / depth, 1.0) : 0.0f;
-                float found[4] = {(float)exp_of(-half_path * to_middle), (float)exp_of(-2 * half_path * depth),
-                                  (float)to_middle, (float)depth};
-                for (int k = 0; k < 4; k++) along_x(k, z, y, x) = along_z(k, x, y, z) = found[k];
+                // As in `share_of_seen`.
+                double seen = depth > LEAST_DEPTH ? expm1_of(-(1 + path) * depth) / ((1 + path) * expm1_of(-depth))
+                                                  : exp_of(-0.5 * path * depth);
+                float found[3] = {(float)seen, (float)through, (float)depth};
+                for (int k = 0; k < 3; k++) along_x(k, z, y, x) = along_z(k, x, y, z) = found[k];
             }
     });
     return DONE;

@@ -71,13 +71,21 @@ INLINE Floats decay(Floats x) {
     return series * bits_to_float32((to_int32(k) + 127) << 23);
 }
 
+// Return the share of light that reaches the visible matter of a cell of some optical depth, along a path so many widths
+// long: exp(-path x) at the depth x, weighted by exp(-x), by which matter at x is seen.
+INLINE Floats share_of_seen(Floats depth, float path, Floats through) {
+    Floats dimmed = decay(depth);
+    Floats deep = (1.0f - dimmed * through) / ((1 + path) * (1.0f - min_of(dimmed, in_all<Floats>(1 - LEAST_DEPTH / 2))));
+    return where(mask_of(depth > LEAST_DEPTH), deep, decay(0.5f * path * depth));
+}
+
 }  // namespace
 
 // Write the weighted sum of the radiances of four directions.
 Status sweep_light(const SweepLight* arguments) {
     const auto& [shares, scattered, are_planes_first, is_upwards, offsets, entering, weights, out] = *arguments;
     const int64_t* s = shares.shape;
-    if (s[0] != 4 || s[3] % ROW_CELLS || !has_shape(scattered, 3, s[1], s[2], s[3]) || !has_shape(out, 3, s[1], s[2], s[3]))
+    if (s[0] != 3 || s[3] % ROW_CELLS || !has_shape(scattered, 3, s[1], s[2], s[3]) || !has_shape(out, 3, s[1], s[2], s[3]))
         return OUT_OF_BOUNDS;
     const Planes planes = planes_of(s + 1, are_planes_first, is_upwards);
     // A plane of radiances of each direction and colour, with a border of one row and of one vector.
@@ -99,14 +107,14 @@ Status sweep_light(const SweepLight* arguments) {
         for (int64_t row = 0; row < planes.num_rows; row++) {
             int64_t place = planes.row_at(step, row), in_plane = (row + 1) * pitch + ROW_CELLS;
             for (int64_t cell = 0; cell < planes.row_cells; cell += LANES) {
-                Floats to_middle = load<Floats>(shares.data, place + cell);
+                Floats to_seen = load<Floats>(shares.data, place + cell);
                 Floats through = load<Floats>(shares.data, planes.size() + place + cell);
                 for (int c = 0; c < 3; c++) {
                     Floats source = load<Floats>(scattered.data, c * planes.size() + place + cell), sum = in_all<Floats>(0.0f);
                     for (int way = 0; way < NUM_WAYS; way++) {
                         int64_t own = (way * 3 + c) * plane + in_plane + cell;
                         Floats gain = mix(before + own + at[way].row * pitch + at[way].cell, pitch, at[way]) - source;
-                        sum += weights[way] * (source + gain * to_middle);
+                        sum += weights[way] * (source + gain * to_seen);
                         store(now, own, source + gain * through);
                     }
                     store(out.data, c * planes.size() + place + cell, sum);
@@ -119,17 +127,17 @@ Status sweep_light(const SweepLight* arguments) {
     return DONE;
 }
 
-// Add the share of light that reaches the middles of cells. A ray has a place in the first plane, and moves from plane
+// Add the share of light that reaches the visible matter of cells. A ray has a place in the first plane, and moves from plane
 // to plane by whole numbers of cells and one share for all rays, so that only the shares that pass cells are interpolated
 // on its way. Interpolated optical depths would make surfaces dark that light grazes: it passes beside their cells.
 Status shine_key(const ShineKey* arguments) {
     const auto& [shares, are_planes_first, is_upwards, offset, path, weight, out] = *arguments;
     const int64_t* s = shares.shape;
-    if (s[0] != 4 || s[3] % ROW_CELLS || !has_shape(out, 1, s[1], s[2], s[3])) return OUT_OF_BOUNDS;
+    if (s[0] != 3 || s[3] % ROW_CELLS || !has_shape(out, 1, s[1], s[2], s[3])) return OUT_OF_BOUNDS;
     for (int k = 0; k < 2; k++)
         if (!(offset[k] >= -1 && offset[k] <= 1)) return OUT_OF_BOUNDS;
     const Planes planes = planes_of(s + 1, are_planes_first, is_upwards);
-    const float* depths = shares.data + 2 * planes.size();  // of light to the middle of a cell, then of light that passes
+    const float* depths = shares.data + 2 * planes.size();
     // Rays have numbers from -margin on, in rows and in cells. Ray k is at k - offset * step.
     int64_t margin = planes.num_planes + 2, margin_cells = margin + 2 * ROW_CELLS;
     int64_t num_rows = planes.num_rows + 2 * margin, pitch = planes.row_cells + 2 * margin_cells + ROW_CELLS;
@@ -151,10 +159,9 @@ Status shine_key(const ShineKey* arguments) {
             int64_t place = planes.row_at(step, row);
             for (int64_t cell = 0; cell < planes.row_cells; cell += LANES) {
                 const float* low = rays.data + (row + rows + margin) * pitch + cell + cells + margin_cells;
-                Floats to_middle = decay(0.5f * path * load<Floats>(depths, place + cell));
-                Floats sum = load<Floats>(out.data, place + cell) + weight * mix(low, pitch, at) * to_middle;
-                store(out.data, place + cell, sum);
-                Floats through = decay(path * load<Floats>(depths, planes.size() + place + cell));
+                Floats depth = load<Floats>(depths, place + cell), through = decay(path * depth);
+                Floats seen = mix(low, pitch, at) * share_of_seen(depth, path, through);
+                store(out.data, place + cell, load<Floats>(out.data, place + cell) + weight * seen);
                 store(plane.data, (row + 2) * plane_pitch + ROW_CELLS + cell, through);
             }
         }
