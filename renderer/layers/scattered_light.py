@@ -6,10 +6,15 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from renderer.bricks import cut_bricks
+from renderer.kernels import ClipRegion
 from renderer.layers.layer import Layer
 from renderer.lighting import Matter, SceneLight, solve_scene_light
 from renderer.scene import FilmScene, Scene
 from renderer.view import are_clipped_away, place_object_clips, with_key_of_camera
+from renderer.volume import Float64
 
 
 class SolvedLight(NamedTuple):
@@ -66,6 +71,17 @@ def light_of_layers(
     for layer in layers:
         clip = place_object_clips(layer.volume, scene.clip + layer.spec.clip)
         are_removed = None if clip is None else partial(are_clipped_away, clip)
-        matter.append(Matter(layer.volume, layer.optics, layer.spec.weight, are_removed))
+        matter.append(Matter(layer.volume, layer.optics, layer.spec.weight, are_removed, _reach(layer, clip)))
     light = solve_scene_light(matter, scene.light, stops=stops, num_threads=num_threads)
     return SolvedLight(made_from, light, is_first=stops is None)
+
+
+def _reach(layer: Layer, clip: ClipRegion | None) -> Float64:
+    """Return the corners in the world of all bricks' visible bounds, float64 [n, 3]. clip: of `place_object_clips`."""
+    assert layer.bricks is not None  # splats scatter no light
+    bounds = cut_bricks(layer.bricks, 0.0).visible_bounds
+    if clip is not None:
+        bounds = bounds[~are_clipped_away(clip, bounds - layer.volume.centre_index)]
+    x, y, z = np.indices((2, 2, 2)).reshape(3, -1)
+    corners = np.stack([bounds[:, x, 0], bounds[:, y, 1], bounds[:, z, 2]], axis=-1).reshape(-1, 3)
+    return np.asarray(corners @ layer.volume.world_from_index[:3, :3].T + layer.volume.world_from_index[:3, 3])

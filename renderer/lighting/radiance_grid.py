@@ -105,7 +105,7 @@ def compute_radiance_grid(
     scaled = sources._replace(
         environment=sources.environment / brightest, key_irradiance=sources.key_irradiance / brightest
     )
-    origin, cell, shape = place_grid([layer.volume for layer in layers], cell_voxels, max_cells)
+    origin, cell, shape = place_grid(layers, cell_voxels, max_cells)
     _require_memory(solve_bytes(shape))
     with ThreadPool(num_threads) as threads:
         matter = average_layers(layers, origin, cell, shape, threads)
