@@ -154,7 +154,8 @@ SECTIONS = {
         light=LightSpec(
             EnvironmentSpec((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (0.0, 0.0, 1 / 3)), AXIS,
             KeySpec(moving(Motion((0, 7), (AXIS, (0.0, 0.0, 1.0)), kind="direction")), (0.5, 1.0, 0.0), 1 / 3, 0.5),
-            -2.25)),
+            scattering=1 / 3, surface=0.7, specular=0.1, shininess=12.5, exposure=-2.25)),
+    "light of the camera": replace(PLAIN, light=LightSpec(key=KeySpec("camera"))),
     "light as it is": replace(PLAIN, light=LightSpec()),
     "depth": replace(PLAIN, mode=ModeSpec("maximum", color_by="depth")),
     "volumes": replace(PLAIN, layers=LAYERS, shared=SharedKeys(), blend="add"),
