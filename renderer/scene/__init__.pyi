@@ -10,6 +10,7 @@ from .annotation_section import (
     moving_numbers as moving_numbers,
 )
 from .camera_section import (
+    AXES as AXES,
     CAMERA_FIELD as CAMERA_FIELD,
     CameraPath as CameraPath,
     CameraSpec as CameraSpec,

@@ -22,7 +22,7 @@ from .framing import (
     volume_corners as volume_corners,
 )
 from .order_blending import OrderBlending as OrderBlending, make_order_blending as make_order_blending
-from .paths import make_view as make_view
+from .paths import make_view as make_view, rotation_from_z_to as rotation_from_z_to
 from .splat_projection import (
     CLIPPED_SIGMAS as CLIPPED_SIGMAS,
     CULLED_SIGMAS as CULLED_SIGMAS,
