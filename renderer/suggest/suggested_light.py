@@ -12,14 +12,14 @@ from renderer.suggest.suggestion import Suggestion
 _FROM_ABOVE = (0.5, -0.8, 1.0)
 # The key light of each environment: a large warm lamp, the sun, or none below clouds.
 _KEYS: dict[str, KeySpec | None] = {
-    "studio": KeySpec(_FROM_ABOVE, color=in_8_bits((1.0, 0.89, 0.76)), strength=1.0, radius=14.0),
-    "outdoor": KeySpec(_FROM_ABOVE, color=in_8_bits((1.0, 0.93, 0.81)), strength=1.6, radius=4.0),
+    "studio": KeySpec(_FROM_ABOVE, color=in_8_bits((1.0, 0.95, 0.88)), strength=2.5, radius=12.0),
+    "outdoor": KeySpec(_FROM_ABOVE, color=in_8_bits((1.0, 0.93, 0.81)), strength=3.0, radius=4.0),
     "overcast": None,
 }
 # The share of a point that is a surface. Matter alone looks like wax, surfaces alone like chalk.
-_SURFACE = 0.8
+_SURFACE = 0.9
 # The coefficient of highlights on surfaces.
-_SPECULAR = 0.25
+_SPECULAR = 0.3
 
 
 def with_light(suggestion: Suggestion, environment: str) -> Suggestion:
