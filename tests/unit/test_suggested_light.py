@@ -29,7 +29,7 @@ def test_an_environment_lights_the_scene(name: str, folder: Path) -> None:
     light, (layer,) = (scene := suggested_scene("--light", name)).light, scene.layers
     assert light is not None and layer.shading is None
     assert light.environment == ENVIRONMENTS[name] and light.up == (0, 0, 1)
-    assert light.surface == 0.8 and light.exposure is None
+    assert light.surface == 0.9 and light.exposure is None
     assert (light.key is None, light.specular > 0) == (name == "overcast", name != "overcast")
     assert light.key is None or light.key.direction == LAMP
 
