@@ -3,7 +3,7 @@ from .brick_projection import (
     screen_rectangles as screen_rectangles,
     visible_bricks as visible_bricks,
 )
-from .camera import View as View
+from .camera import Fog as Fog, View as View
 from .clip_slabs import (
     are_clipped_away as are_clipped_away,
     are_near_faces as are_near_faces,
