@@ -115,5 +115,6 @@ def _look(
     studio: Studio, scene: Scene, frame: int, word: str, found: VolumeSuggestion, drawn: Sequence[Volume]
 ) -> Shot:
     clip = () if scene.clip else found.suggestion.clip
-    lines = "\n".join(look_lines(replace(found.suggestion, clip=clip)))
+    shading = found.suggestion.shading if scene.light is None else None
+    lines = "\n".join(look_lines(replace(found.suggestion, clip=clip, shading=shading)))
     return studio.shoot(found.applied_to(scene), frame, f"--preset {word}", lines, drawn)

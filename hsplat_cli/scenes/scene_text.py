@@ -16,11 +16,15 @@ from typing import TYPE_CHECKING, TypeVar
 from hsplat_cli.scenes.volume_arguments import read_with_options
 from hsplat_cli.scenes.volume_names import name_volumes, own_name
 from hsplat_cli.terminal import Reporter
-from renderer.errors import Problem, SceneError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
+    AXES,
+    ENVIRONMENTS,
     Color,
     ColormapSpec,
+    EnvironmentSpec,
     LabelsSpec,
+    LightSpec,
     RawSource,
     ShadingSpec,
     TransferSpec,
@@ -52,6 +56,7 @@ _TRANSFER_COMMENT = (
 _SHADING_COMMENT = (
     "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
 )
+_LIGHT_COMMENT = "# Light of surroundings, and of a lamp that turns with the object; matter and surfaces scatter it."
 _CLIP_COMMENT = "# Planes that clip away everything but the object, such as a table; delete them to see all of it."
 _LABELS_COMMENT = "# Which labels are shown, by number or by name, and how: `hide: [...]` leaves some out."
 
@@ -70,6 +75,7 @@ _OPTIONS = {
     "volume.spacing": "--spacing",
     "volumes.0.spacing": "--spacing",
     "volume.raw.spacing": "--spacing",
+    "light": "--light",
     "output.background": "--background",
     "output.size": "--size",
     "output.frames_per_second": "--fps",
@@ -85,7 +91,7 @@ def suggest_scene(
     Raises InputError for a volume that cannot be read or drawn, and SceneError for an option, such as the background,
     that cannot be in a scene.
     """
-    from renderer.suggest import Wish, suggest_for, suggest_over
+    from renderer.suggest import NO_LIGHT, Wish, suggest_for, suggest_over, with_light
 
     def read(spec: VolumeSpec) -> Volume:
         """Read a volume, and print the reader's notes once for all of its channels and steps."""
@@ -99,6 +105,9 @@ def suggest_scene(
         found = suggest_for(volume, read, wish=wish)
     else:
         found, under = suggest_over(volume, film.under, read, wish=wish)
+    if film.light != NO_LIGHT:
+        _require_one_layer(found, under, film.light)
+        found = replace(found, suggestion=with_light(found.suggestion, film.light))
     text = compose_scene(found, film, folder=scene.parent, output=output, under=under)
     _check(text, scene)
     for each in filter(None, (found, under)):
@@ -109,6 +118,15 @@ def suggest_scene(
         for line in chosen.outlier_notes:
             reporter.status(f"{name}: {line}")
     return text, found
+
+
+def _require_one_layer(found: VolumeSuggestion, under: VolumeSuggestion | None, light: str) -> None:
+    """Raise InputError for several layers, which are suggested without a light that matter scatters."""
+    what = "the light of channels adds up, and no matter scatters it" if found.layers else ""
+    if under is not None:
+        what = "a shell around another volume is seen by its shading, which light replaces"
+    if what:
+        raise InputError(what, where=f"--light {light}", hint="--light none")
 
 
 def _check(text: str, scene: Path) -> None:
@@ -148,6 +166,7 @@ def compose_scene(
         "version: 1",
         "",
         *subject,
+        *_light_lines(found.suggestion.light, film.axis),
         "",
         "camera:",
         "  target: visible             # the middle of the visible part; as near as shows all of it",
@@ -187,9 +206,9 @@ def _one_volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
 
 
 def look_lines(suggestion: Suggestion) -> Iterator[str]:
-    """Yield the lines of the sections on the look of a volume: colours and opacities, light, and clip planes."""
+    """Yield the lines of the sections on the look of a volume: colours and opacities, shading, and clip planes."""
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
-    yield from _light_lines(suggestion)
+    yield from _shading_lines(suggestion)
 
 
 def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Path) -> Iterator[str]:
@@ -298,7 +317,32 @@ def _label_lines(labels: LabelsSpec) -> Iterator[str]:
         yield from ("  names:", *(f"    {style.value}: {yaml_string(style.name)}" for style in styles if style.name))
 
 
-def _light_lines(suggestion: Suggestion) -> Iterator[str]:
+def _light_lines(light: LightSpec | None, axis: str) -> Iterator[str]:
+    """Yield the lines of the section `light`. axis: the word for the axis that is upright in the picture."""
+    if light is None:
+        return
+    from renderer.view import rotation_from_z_to
+
+    turn = rotation_from_z_to(AXES[axis])
+    given = {"environment": _environment_text(light.environment)}
+    if axis != "z":
+        given["up"] = _list(AXES[axis])
+    if light.key is not None:
+        direction = [round(each, 6) + 0.0 for each in (turn @ light.key.direction).tolist()]
+        lamp = f'direction: {_list(direction)}, color: "{_hex_color(light.key.color)}"'
+        lamp += f", strength: {format_value(light.key.strength)}, radius: {format_value(light.key.radius)}"
+        given["key"] = f"{{{lamp}}}"
+    if light.surface > 0:
+        given |= {key: format_value(getattr(light, key)) for key in ("surface", "specular")}
+    yield from ("", _LIGHT_COMMENT, "light:", *(f"  {key}: {value}" for key, value in given.items()))
+
+
+def _environment_text(environment: EnvironmentSpec) -> str:
+    """Return the name of an environment."""
+    return next(name for name, each in ENVIRONMENTS.items() if each == environment)
+
+
+def _shading_lines(suggestion: Suggestion) -> Iterator[str]:
     """Yield the lines of the sections `shading` and `clip`."""
     if (shading := suggestion.shading) is not None:
         yield from ("", _SHADING_COMMENT, f"shading: {{{_shading_text(shading)}}}")

@@ -16,6 +16,7 @@ from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
 from renderer.scene import (
     COLORMAP_FIELD,
+    ENVIRONMENTS,
     SUBSET_INDEX_FIELD,
     TOLERANCE_FIELD,
     FileSource,
@@ -26,7 +27,7 @@ from renderer.scene import (
     file_source,
     schema,
 )
-from renderer.suggest import PRESET_WORDS, FilmOptions
+from renderer.suggest import NO_LIGHT, PRESET_WORDS, FilmOptions
 
 if TYPE_CHECKING:
     from renderer.volume import Volume
@@ -168,6 +169,8 @@ def _split_size(text: str) -> list[str]:
 # Parameters of `_keyed` for an option that is a size in pixels.
 _SIZES: _ListText = {"split": _split_size, "example": "640x480"}
 _RATE = _OUTPUT["frames_per_second"]
+_LIGHTS = (*ENVIRONMENTS, NO_LIGHT)
+_LIGHT_HELP = "Light that matter scatters, from this environment, in place of shading; slower."
 _AXIS_HELP = "Turn around this axis, which is upright in the picture."
 
 # Declares the options of a turntable, which the command gets as its parameter `film`.
@@ -189,6 +192,7 @@ film_options = packed_options(
         keeps_text=True,
         default=_DEFAULT.background,
     ),
+    _keyed("--light", schema.choice_field(*_LIGHTS), "|".join(_LIGHTS), _LIGHT_HELP, default=_DEFAULT.light),
     _keyed("--colormap", COLORMAP_FIELD, "NAME", "Take the colours from it: viridis, gray, ..."),
     click.option(
         "--preset",

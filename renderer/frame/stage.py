@@ -10,7 +10,8 @@ from typing import Protocol, TypeVar
 from renderer.layers import Layer, LayerGroup
 from renderer.pyramid import root_error
 from renderer.scene import CameraSpec, ClipSpec, FilmScene, Scene, SplatBudget, Vector
-from renderer.view import OrderBlending, View, are_near_faces, make_view, place_object_clips
+from renderer.transfer import linear_of_srgb
+from renderer.view import Fog, OrderBlending, View, are_near_faces, make_view, place_object_clips
 from renderer.volume import Bools, Float64, Volume
 
 # A function that returns the time now, in seconds since any fixed moment.
@@ -181,7 +182,15 @@ def view_of(film: FilmStage, frame: int) -> View:
     """Return the view of a frame of the film."""
     stage = film.at(frame)
     view = make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
-    return replace(view, clip=stage.scene.clip)
+    return replace(view, clip=stage.scene.clip, fog=_fog_of(stage.scene))
+
+
+def _fog_of(scene: Scene) -> Fog | None:
+    """Return the fog of a scene's views, in linear light where the scene has `light`."""
+    if scene.fog is None:
+        return None
+    red, green, blue = scene.fog.color if scene.light is None else linear_of_srgb(scene.fog.color).tolist()
+    return Fog((red, green, blue), *scene.fog.range)
 
 
 def finest_level_at(stage: Stage, tolerance: float, number: int = 0) -> int:

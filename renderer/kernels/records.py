@@ -214,6 +214,17 @@ class RadianceCells(NamedTuple):
     cells_from_index: NDArray[np.float64]
 
 
+class FogRamp(NamedTuple):
+    """The fog in a grid of voxels: the share of its colour, which is linear in the depth (renderer/view/camera.py)."""
+
+    # [rgb]: the colour of the fog.
+    color: NDArray[np.float64]
+    # The share at the centre of the volume, not limited to numbers from 0 to 1.
+    share: float
+    # The change of the share per voxel along x, y and z.
+    per_index: NDArray[np.float64]
+
+
 class LayerBricks(NamedTuple):
     """The bricks of layers on one grid of voxels."""
 
@@ -231,6 +242,8 @@ class LayerBricks(NamedTuple):
     face_depth: float
     # The light by which colours are multiplied, which are then albedos; None if matter does not scatter light.
     radiance: RadianceCells | None
+    # The fog; None without fog.
+    fog: FogRamp | None
     # One field for each layer.
     fields: Sequence[Field]
 
@@ -520,6 +533,16 @@ class LayerOptics(NamedTuple):
     # [labels]: the opacity of a voxel of each label, by the label's number; larger numbers have the last opacity. None
     # if values are not labels.
     label_opacities: NDArray[np.float64] | None
+
+
+class RayFog(NamedTuple):
+    """The fog along rays: the share of its colour, which is linear in the length along a ray, from 0 to 1."""
+
+    # [rgb]: the colour of the fog.
+    color: NDArray[np.float64]
+    # [n, 2]: the share at the origin of each ray, not limited to numbers from 0 to 1, and its change per length in the
+    # world. The parts of rays end where the share becomes 0 or 1.
+    shares: NDArray[np.float64]
 
 
 class PathMask(NamedTuple):

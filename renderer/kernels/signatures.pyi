@@ -21,6 +21,7 @@ from renderer.kernels.records import (
     PathLight,
     PathMedium,
     PlacedVoxels,
+    RayFog,
     RaySetup,
     SearchRules,
     StreamedLevel,
@@ -375,6 +376,7 @@ class IntegrateRaysCall(Protocol):
         *,
         rays: Sequence[IndexRays],
         max_steps: NDArray[np.float64],
+        fog: RayFog | None,
         radiance: NDArray[np.float64],
     ) -> None: ...
 
@@ -409,6 +411,7 @@ class TracePathsCall(Protocol):
         self,
         *,
         rays: Sequence[IndexRays],
+        fog: RayFog | None,
         states: NDArray[np.uint64],
         num_paths: int,
         radiance: NDArray[np.float64],

@@ -9,7 +9,7 @@ Its field types also check sidecars and golden records. Importing it imports no 
   `scene_reading.py` makes both from plain data, `scene_writing.py` makes plain data from both.
 - Each section's keys, types, defaults and checks are in `volume_section.py`, `transfer_section.py`,
   `camera_section.py`, `error_section.py` (with `MetricTarget`, an accuracy to reach, such as psnr=38),
-  `splat_section.py`, `shading_section.py`, `light_section.py`, `mode_section.py`, `clip_section.py`,
+  `splat_section.py`, `shading_section.py`, `light_section.py`, `fog_section.py`, `mode_section.py`, `clip_section.py`,
   `labels_section.py` (and masks), `layers_section.py` (volumes and their looks, `LayerSpec`), `annotation_section.py`
   (with the formats of texts) and `output_section.py`.
 - `output_formats.py`: the table of all formats of pictures and films.

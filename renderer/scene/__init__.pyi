@@ -10,6 +10,7 @@ from .annotation_section import (
     moving_numbers as moving_numbers,
 )
 from .camera_section import (
+    AXES as AXES,
     CAMERA_FIELD as CAMERA_FIELD,
     CameraPath as CameraPath,
     CameraSpec as CameraSpec,
@@ -40,6 +41,7 @@ from .error_section import (
     schedule_to_dict as schedule_to_dict,
 )
 from .file_places import found_path as found_path, relative_path as relative_path, with_files as with_files
+from .fog_section import FogSpec as FogSpec
 from .input_file import (
     MAX_SCENE_BYTES as MAX_SCENE_BYTES,
     MAX_SIDECAR_BYTES as MAX_SIDECAR_BYTES,

@@ -10,6 +10,7 @@ from typing import Any
 from renderer.scene import schema
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec
 from renderer.scene.colors import COLOR_FIELD
+from renderer.scene.fog_section import check_fog
 from renderer.scene.labels_section import MASK_SECTION, MaskSpec
 from renderer.scene.light_section import check_light
 from renderer.scene.message_text import did_you_mean
@@ -255,6 +256,7 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
         node.key(key).reject("splats show one volume", got=got, expected=expected)
     check_mode(node, given)
     check_light(node, given, _placed_layers(node, given))
+    check_fog(node, given)
     for place, layer in _placed_layers(node, given):
         check_shading(place.child("shading"), {**given, "shading": layer.shading})
         check_optics(place, given.get("mode", ModeSpec()), layer.transfer_function, layer.shading)

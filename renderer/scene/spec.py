@@ -1,7 +1,7 @@
 """The frozen description of a job: the content of `scene.yaml` with every default filled in.
 
 Each large section of a scene has its own module (`volume_section`, `transfer_section`, `camera_section`,
-`error_section`, `splat_section`, `shading_section`, `light_section`, `mode_section`, `clip_section`,
+`error_section`, `splat_section`, `shading_section`, `light_section`, `fog_section`, `mode_section`, `clip_section`,
 `annotation_section`, `output_section`) with its dataclass: for each key the type that checks it, and its default.
 Nothing here imports numpy or OpenGL, so that `hsplat check` answers at once. Lengths are in world units (those of the
 volume's spacing), angles in degrees, colours in [0, 1] as given (display-referred), shapes, points and sizes in
@@ -20,6 +20,7 @@ from renderer.scene.annotation_section import ANNOTATION_SECTION, AnnotationSpec
 from renderer.scene.camera_section import CAMERA_FIELD, CameraSpec
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec
 from renderer.scene.error_section import ERROR_SECTION, ErrorSpec
+from renderer.scene.fog_section import FogSpec
 from renderer.scene.labels_section import MASK_SECTION
 from renderer.scene.layers_section import VOLUMES_SECTION, LayerSpec, SharedKeys
 from renderer.scene.light_section import LightSpec
@@ -67,6 +68,7 @@ SECTIONS: schema.FieldTable = {
     "pyramid": schema.dataclass_field(PyramidSpec),
     "shading": schema.dataclass_field(ShadingSpec),
     "light": schema.dataclass_field(LightSpec),
+    "fog": schema.dataclass_field(FogSpec),
     "mode": MODE_SECTION,
     "clip": CLIP_SECTION,
     "mask": MASK_SECTION,
@@ -231,6 +233,7 @@ class Scene(FilmScene):
     splat: SplatSpec = field(default=SplatSpec("integrated"))
     pyramid: PyramidSpec = PyramidSpec()
     light: LightSpec | None = None
+    fog: FogSpec | None = None
     mode: ModeSpec = field(default=ModeSpec())
     clip: tuple[ClipSpec, ...] = ()
     blend: Blend = "mix"
@@ -280,6 +283,7 @@ class Scene(FilmScene):
         asks = {
             "mode": self.mode.is_projection,
             "light": self.light is not None,
+            "fog": self.fog is not None,
             "clip": bool(self.clip),
             "labels": first.transfer_function.labels is not None,
             "volumes": self.has_list,

@@ -8,7 +8,7 @@ opacities, and the reason in words. Opacities are solved so that each layer has 
   for all steps in time of a volume; `volume_suggestion.py`: for a volume in memory, with its labels and colours;
   `value_suggestion.py`: for the values of a volume alone.
 - `suggestion.py`: the suggestion that they all return, and outliers hidden in it; `film_options.py`: the options of the
-  suggested film, and their defaults.
+  suggested film, and their defaults; `suggested_light.py`: an environment and a key light for it.
 - `recognition.py` chooses a preset by the kind of data, `wishes.py` by a user's word; `imported_look.py` instead takes
   a named preset, or a file of another program.
 - `presets.py`: a preset, its layers and colours; `scan_presets.py` and `field_presets.py`: presets for each kind of

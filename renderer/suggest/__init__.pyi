@@ -1,10 +1,11 @@
 from .channels import channel_layers as channel_layers, with_own_names as with_own_names
 from .file_suggestion import suggest_for as suggest_for
-from .film_options import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
+from .film_options import NO_LIGHT as NO_LIGHT, PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
 from .label_look import labels_with_looks as labels_with_looks
 from .looks_in_time import suggest_in_time as suggest_in_time
 from .over import suggest_over as suggest_over
 from .palette import colors_by_label as colors_by_label
+from .suggested_light import with_light as with_light
 from .suggestion import ShownLayer as ShownLayer, Suggestion as Suggestion
 from .value_suggestion import suggest as suggest
 from .volume_suggestion import (

@@ -11,6 +11,9 @@ from renderer.scene import OutputSpec, VolumeSpec, file_source
 # of the command line are declared without importing numpy.
 PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "labels")
 
+# The word for a film without a section `light`.
+NO_LIGHT = "none"
+
 
 @dataclass(frozen=True)
 class FilmOptions:
@@ -20,6 +23,7 @@ class FilmOptions:
     axis: the world axis around which the camera turns. tolerance: the tolerance of all frames.
     size: the width and height of pictures, in pixels. fps: frames per second.
     background: a colour, or `transparent`.
+    light: the name of an environment of `light`, which replaces shading; `none` for shading.
     colormap, preset: the colormap and the preset that the user asks for, as in `Wish`; None to choose by the volume.
     over: the file or the URL of a second volume, over which the first one is drawn; None without one.
     """
@@ -31,6 +35,7 @@ class FilmOptions:
     size: tuple[int, int] = OutputSpec.size
     fps: float = OutputSpec.frames_per_second
     background: str = "#000000"
+    light: str = NO_LIGHT
     colormap: str | None = None
     preset: str | None = None
     over: Path | str | None = None

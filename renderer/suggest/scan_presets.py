@@ -50,7 +50,8 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
 
 # The colours of scans without Hounsfield units, whose materials stand out from a background.
 
-_BLUE = (0.36, 0.50, 0.86)
+# Thin matter around an object, such as leaves, skin and noise: a neutral colour, as a saturated one looks like smoke.
+_MIST = (0.70, 0.72, 0.74)
 _CLAY = (0.80, 0.47, 0.34)
 _SAND = (0.91, 0.68, 0.42)
 _IVORY = (0.98, 0.95, 0.88)
@@ -60,7 +61,7 @@ _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
     1: (("the object", STONE, 1.0),),
     2: (("the thinner material", _CLAY, 0.4), ("the denser material", _IVORY, 0.6)),
     3: (
-        ("the thinnest material", _BLUE, 0.25),
+        ("the thinnest material", _MIST, 0.15),
         ("the middle material", _SAND, 0.35),
         ("the densest material", _IVORY, 0.4),
     ),

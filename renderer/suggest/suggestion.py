@@ -9,7 +9,16 @@ from operator import attrgetter
 
 import numpy as np
 
-from renderer.scene import ClipSpec, ColormapSpec, ControlPoint, LabelsSpec, ShadingSpec, TransferSpec, colormap_points
+from renderer.scene import (
+    ClipSpec,
+    ColormapSpec,
+    ControlPoint,
+    LabelsSpec,
+    LightSpec,
+    ShadingSpec,
+    TransferSpec,
+    colormap_points,
+)
 from renderer.statistics import OutlierValue, Statistics, VoxelSample, format_number
 from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST, in_8_bits
 
@@ -46,10 +55,11 @@ class Suggestion:
     reason: the signs by which the kind was recognised, a clause without a full stop.
     transfer: the transfer function, with its unit of length.
     notes: a comment for each control point, mostly empty.
-    shading: the light; None if the data have no surfaces.
+    shading: the light; None if the data have no surfaces, or with `light`.
     outlier_notes: clauses on outliers, and on other things that are not shown.
     clip: planes that clip away the surroundings of the object, and a box to look into it.
     visible: the layers of values that the pictures of a turntable show.
+    light: the light of the whole scene, which matter scatters; None with `shading`.
     """
 
     kind: str
@@ -60,6 +70,7 @@ class Suggestion:
     outlier_notes: tuple[str, ...] = ()
     clip: tuple[ClipSpec, ...] = ()
     visible: tuple[ShownLayer, ...] = ()
+    light: LightSpec | None = None
 
 
 def with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:

@@ -40,13 +40,15 @@ class VolumeSuggestion:
     weight: float = 1.0
 
     def applied_to(self, scene: Scene) -> Scene:
-        """Return a scene with the volume and its suggestion; a scene that has clip planes keeps them."""
+        """Return a scene with the volume and its suggestion; a scene that has clip planes or `light` keeps them."""
         found, first = self.suggestion, scene.layers[0]
         if self.layers:
             shared = SharedKeys(first.shading, first.mask)
             return replace(scene, layers=tuple(map(shared.added_to, self.layers)), shared=shared, blend="add")
-        layer = replace(first, volume=self.volume, transfer_function=found.transfer, shading=found.shading)
-        return replace(scene, layers=(layer,), clip=scene.clip or found.clip)
+        light = scene.light or found.light
+        shading = found.shading if light is None else None
+        layer = replace(first, volume=self.volume, transfer_function=found.transfer, shading=shading)
+        return replace(scene, layers=(layer,), light=light, clip=scene.clip or found.clip)
 
 
 def read_in_colors(

@@ -21,11 +21,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from renderer.errors import RenderError
-from renderer.kernels import IndexRays, ThreadPool, kernels
+from renderer.kernels import IndexRays, RayFog, ThreadPool, kernels
 from renderer.transfer import TransferFunction
 from renderer.truth.kept_parts import keep_parts, removed_sets
 from renderer.truth.optics import TrueLayer, optics_of
@@ -112,7 +113,8 @@ class RayIntegrator:
         def integrate_part(part: slice) -> None:
             self._require_unchanged()
             rays = [self._rays_of(each, view.clipped(each.clip), places[part]) for each in self._layers]
-            self._integrate(rays=rays, max_steps=max_steps, radiance=radiance[part])
+            fog = fog_along(view, self._centre, places[part])
+            self._integrate(rays=rays, max_steps=max_steps, fog=fog, radiance=radiance[part])
 
         in_parts(integrate_part, len(places), self._num_threads, lambda share: on_progress(done + share * (1.0 - done)))
         self._require_unchanged()
@@ -198,10 +200,38 @@ def index_rays(volume: Volume, view: View, places: Float64, point_world: Float64
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     origins, directions, starts = rays_through(point, view, places)
     parts = keep_parts(view, point, origins, directions, starts)
+    if view.fog is not None:  # the share of fog is smooth within each of the parts
+        parts = _split_at_fog(parts, fog_along(view, point, places))
     if volume.mask is not None:  # its parts fit, as lengths along rays are world lengths in all grids
         parts = _parts_inside(volume.mask, index_rays(volume.mask, view, places, point))
     origins = (origins + (point - volume.centre)) @ index_from_world.T + volume.centre_index
     return IndexRays(origins, directions @ index_from_world.T, parts, removed=())
+
+
+def fog_along(view: View, point_world: Float64, places: Float64) -> RayFog | None:
+    """Return the fog along rays through places in a picture; None for a view without fog.
+
+    point_world: the point at whose plane rays begin, as in `rays_through`.
+    """
+    if view.fog is None:
+        return None
+    origins, directions, _ = rays_through(point_world, view, places)
+    return RayFog(
+        np.array(view.fog.color), np.column_stack(view.fog_share(view.fog, origins + point_world, directions))
+    )
+
+
+def _split_at_fog(parts: Float64, fog: RayFog | None) -> Float64:
+    """Divide parts of rays, [n, k, 2], where the share of fog becomes 0 and 1: [n, 3 k, 2], some of them empty."""
+    assert fog is not None
+    share, speed = np.asarray(fog.shares).T[:, :, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        borders = np.sort(np.concatenate([-share / speed, (1.0 - share) / speed], axis=1), axis=1)
+    borders[~np.isfinite(borders)] = 0.0  # a ray across the viewing direction, whose share is even
+    low, high = parts[..., 0], parts[..., 1]
+    ends = [low, *(np.clip(borders[:, k, None], low, np.maximum(low, high)) for k in range(2)), np.maximum(low, high)]
+    pieces = [np.stack(pair, axis=-1) for pair in pairwise(ends)]
+    return np.ascontiguousarray(np.stack(pieces, axis=2).reshape(len(parts), -1, 2))
 
 
 def _parts_inside(mask: Volume, rays: IndexRays) -> Float64:

@@ -26,7 +26,7 @@ from renderer.errors import RenderError
 from renderer.kernels import IndexRays, PathLight, PathMask, PathMedium, PathSurface, kernels
 from renderer.lighting import LightSources
 from renderer.transfer import NO_LIGHT_GRID
-from renderer.truth.integrator import Progress, ignore, in_parts, index_rays
+from renderer.truth.integrator import Progress, fog_along, ignore, in_parts, index_rays
 from renderer.truth.kept_parts import removed_sets
 from renderer.truth.optics import TrueLayer, macrocell_counts, optics_of, voxels_of
 from renderer.view import View
@@ -76,7 +76,8 @@ class PathTracer:
         def trace_part(part: slice) -> None:
             self._require_unchanged()
             rays = [self._rays_of(layer, view.clipped(layer.clip), places[part]) for layer in self._layers]
-            self._trace(rays=rays, states=states[part], num_paths=num_paths, radiance=radiance[part])
+            fog = fog_along(view, self._centre, places[part])
+            self._trace(rays=rays, fog=fog, states=states[part], num_paths=num_paths, radiance=radiance[part])
 
         in_parts(trace_part, len(places), self._num_threads, on_progress)
         self._require_unchanged()

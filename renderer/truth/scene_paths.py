@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,6 +41,7 @@ class ScenePaths:
         background behind each, in linear light. seed: as of `light_of_pixels`.
         """
         each, first, places = np.unique(pixels, return_index=True, return_inverse=True)
+        view = self._without_exposure(view)
         light = light_of_pixels(self._tracer, view, each, seed=seed, standard_error=0.0, most_paths=num_paths)
         shown = light.shown(behind[first], self._exposure)
         return PixelMeans(shown.colors[places], shown.variances[places])
@@ -57,6 +59,7 @@ class ScenePaths:
 
         The standard error is that of colours as they are shown, from 0 to 1.
         """
+        view = self._without_exposure(view)
         width, height = view.size
         pixels = np.arange(width * height)
         behind = np.repeat(behind_rows(background, height, is_linear=True), width, axis=0)
@@ -73,3 +76,10 @@ class ScenePaths:
         num_rays = np.full((height, width), light.num_paths // PATHS_PER_RAY)
         is_seen = (light.colors[:, 3] > 0).reshape(height, width)
         return MeanPicture(PixelMeans(np.minimum(colors, 1.0), variances), num_rays, is_seen, Convergence((), (), ()))
+
+    def _without_exposure(self, view: View) -> View:
+        """Return the view with the colour of its fog divided by the exposure, by which all light is multiplied."""
+        if view.fog is None:
+            return view
+        red, green, blue = (part / self._exposure for part in view.fog.color)
+        return replace(view, fog=view.fog._replace(color=(red, green, blue)))

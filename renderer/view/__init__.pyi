@@ -3,7 +3,7 @@ from .brick_projection import (
     screen_rectangles as screen_rectangles,
     visible_bricks as visible_bricks,
 )
-from .camera import View as View
+from .camera import Fog as Fog, View as View
 from .clip_slabs import (
     are_clipped_away as are_clipped_away,
     are_near_faces as are_near_faces,
@@ -23,7 +23,7 @@ from .framing import (
 )
 from .key_light import with_key_of_camera as with_key_of_camera
 from .order_blending import OrderBlending as OrderBlending, make_order_blending as make_order_blending
-from .paths import make_view as make_view
+from .paths import make_view as make_view, rotation_from_z_to as rotation_from_z_to
 from .splat_projection import (
     CLIPPED_SIGMAS as CLIPPED_SIGMAS,
     CULLED_SIGMAS as CULLED_SIGMAS,

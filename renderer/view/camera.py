@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from renderer.scene import ClipSpec
 from renderer.volume import Float64
+
+
+class Fog(NamedTuple):
+    """The fog of a view: the share of a colour that matter shows in place of its own, by its depth.
+
+    color: as the drawing calculates with colours: of linear light where the scene has `light`. begin, end: the depths
+    from the target, along the viewing direction, where the share is 0 and 1.
+    """
+
+    color: tuple[float, float, float]
+    begin: float
+    end: float
 
 
 @dataclass(frozen=True)
@@ -23,6 +35,7 @@ class View:
     size: (width, height) of the image, in pixels; row 0 is the top.
     near: world distance from the eye plane within which nothing is drawn, >= 0.
     clip: the clip planes and boxes of the scene.
+    fog: the fog of the scene; None without fog.
 
     A view-space point (x, y, z) projects to column `width / 2 + scale_px * x / w` and row `height / 2 - scale_px * y /
     w`, in pixels from the top left corner of the image, with w = -z in perspective and 1 otherwise.
@@ -39,6 +52,7 @@ class View:
     size: tuple[int, int]
     near: float = 0.0
     clip: tuple[ClipSpec, ...] = ()
+    fog: Fog | None = None
 
     def view_from_world(self, points_world: Float64) -> Float64:
         """Return world positions, [..., 3], in view space, float64 [..., 3]. The target is subtracted first."""
@@ -52,6 +66,15 @@ class View:
         """Return the view with `factor` times as many columns and rows of pixels."""
         width, height = self.size
         return replace(self, size=(factor * width, factor * height), scale_px=factor * self.scale_px)
+
+    def fog_share(self, fog: Fog, origin: Float64, directions: Float64) -> tuple[Float64, Float64]:
+        """Return the share of fog at a world position, and how much it changes along directions in the world.
+
+        The share is not limited to numbers from 0 to 1. origin: float64 [..., 3]; directions: float64 [..., 3].
+        """
+        per_length = 1.0 / (fog.end - fog.begin)
+        at_origin = ((origin - self.target) @ self.forward - fog.begin) * per_length
+        return np.asarray(at_origin), np.asarray(directions @ self.forward * per_length)
 
     @property
     def eye(self) -> Float64:

@@ -123,7 +123,7 @@ def _piece_poses(pieces: Sequence[PathPiece], number: int, at: Float64, about: A
             azimuth = path.start + 0.5 * path.swing * np.sin(2.0 * math.pi * at / path.frames)
         elevation, zoom = np.full_like(at, path.elevation), np.ones_like(at)
     (sin_a, cos_a), (sin_e, cos_e) = _sine_and_cosine(azimuth), _sine_and_cosine(elevation)
-    rotation_t = _rotation_from_z_to(path.axis).T
+    rotation_t = rotation_from_z_to(path.axis).T
     return CameraPoses(
         direction=np.column_stack([cos_e * sin_a, -cos_e * cos_a, sin_e]) @ rotation_t,
         right=np.column_stack([cos_a, sin_a, np.zeros_like(cos_a)]) @ rotation_t,
@@ -154,7 +154,7 @@ def _flight_poses(path: FlightPath, end: CameraPoses | None, at: Float64) -> Cam
     direction = offset / distance[:, None]
     right = np.cross(np.array(path.axis) / np.linalg.norm(path.axis), direction)
     length = np.linalg.norm(right, axis=1, keepdims=True)
-    aside = _rotation_from_z_to(path.axis)[:, 0]  # the right side at azimuth 0, for a view along the axis
+    aside = rotation_from_z_to(path.axis)[:, 0]  # the right side at azimuth 0, for a view along the axis
     right = np.where(length > _LEAST_SINE, right / np.maximum(length, _LEAST_SINE), aside)
     up = np.cross(direction, right)
     sine, cosine = (each[:, None] for each in _sine_and_cosine(places[:, ROLL]))
@@ -215,7 +215,7 @@ def focal_length_px(camera: CameraSpec, size: tuple[int, int]) -> float:
     return size[1] / 2 / math.tan(math.radians(camera.field_of_view) / 2)
 
 
-def _rotation_from_z_to(axis: Vector) -> Float64:
+def rotation_from_z_to(axis: Vector) -> Float64:
     """Return the matrix of the smallest rotation of +z onto an axis, float64 [3, 3]. axis: a vector of any length."""
     length = math.hypot(*axis)
     x, y, z = (component / length for component in axis)

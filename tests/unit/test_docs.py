@@ -61,7 +61,7 @@ def test_the_page_of_pixels_shows_all_of_its_pictures() -> None:
 
 def test_the_gallery_shows_legal_scenes(tmp_path: Path) -> None:
     scenes = gallery_scenes()
-    assert len(scenes) == len(re.findall("(?m)^## ", GALLERY_PAGE.read_text("utf-8"))) == 24
+    assert len(scenes) == len(re.findall("(?m)^## ", GALLERY_PAGE.read_text("utf-8"))) == 28
     for name, text in scenes.items():
         (tmp_path / "scene.yaml").write_text(text, "utf-8")
         assert load_scene(tmp_path / "scene.yaml").output.file == Path(f"{name}.webp")

@@ -26,7 +26,7 @@ from renderer.draw.bricks.brick_cache import BrickCache, BrickView, drawn_bytes,
 from renderer.draw.bricks.extremum import search_of
 from renderer.draw.bricks.field import field_of
 from renderer.draw.bricks.grid import RayGrid, make_grid
-from renderer.draw.bricks.light import radiance_cells
+from renderer.draw.bricks.light import fog_ramp, radiance_cells
 from renderer.draw.bricks.mixture import make_mixture
 from renderer.draw.bricks.subsampling import grid_size, refine_grid, upsample
 from renderer.draw.rasterizer import BrickMemory, Rasterizer, RayColors
@@ -344,5 +344,6 @@ def _layer_bricks(
         have_faces=brick_view.have_faces,
         face_depth=FACE_DEPTH * brick_view.batch.cut.volume.finest_spacing,
         radiance=radiance_cells(brick_view.batch.bricks),
+        fog=fog_ramp(brick_view.view, brick_view.batch.cut.volume),
         fields=fields,
     )

@@ -1,5 +1,5 @@
-"""Describe light and extinction that depend on the view or on the length of the gradient, for `light.h`, and the light
-in matter that scatters it, for `radiance.h`.
+"""Describe light and extinction that depend on the view or on the length of the gradient, for `light.h`, the light in
+matter that scatters it, for `radiance.h`, and fog, for `fog.h`.
 
 Light that follows Lambert's law and has a fixed direction is in `Field.lambert` instead, which costs less time.
 """
@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bricks import BrickLayer, BrickLayers, texel_change, texel_gradients
-from renderer.kernels import Light, RadianceCells, Shading, SurfaceCells
+from renderer.kernels import FogRamp, Light, RadianceCells, Shading, SurfaceCells
 from renderer.lighting import SurfaceLight
 from renderer.transfer import toward_light
-from renderer.volume import Float32
+from renderer.view import View
+from renderer.volume import Float32, Volume
 
 
 def make_light(layer: BrickLayer) -> Light | None:
@@ -50,6 +51,14 @@ def _factors(layer: BrickLayer) -> Float32:
         slopes = (np.append(np.diff(factors) / np.diff(gradients), 0.0)[: len(points)]).astype(np.float32)
     slopes[~np.isfinite(slopes)] = 0.0  # an infinite slope is a step
     return np.column_stack([gradients.astype(np.float32), factors.astype(np.float32), slopes])
+
+
+def fog_ramp(view: View, volume: Volume) -> FogRamp | None:
+    """Return the record FogRamp of kernels for a volume; None for a view without fog."""
+    if view.fog is None:
+        return None
+    share, per_index = view.fog_share(view.fog, volume.centre, volume.world_from_index[:3, :3].T)
+    return FogRamp(color=np.array(view.fog.color), share=float(share), per_index=per_index)
 
 
 def radiance_cells(layers: BrickLayers) -> RadianceCells | None:

@@ -314,6 +314,16 @@ struct RadianceCells {
     double cells_from_index[12];
 };
 
+// The fog in a grid of voxels: the share of its colour, which is linear in the depth (renderer/view/camera.py).
+struct FogRamp {
+    // [rgb]: the colour of the fog.
+    float color[3];
+    // The share at the centre of the volume, not limited to numbers from 0 to 1.
+    double share;
+    // The change of the share per voxel along x, y and z.
+    double per_index[3];
+};
+
 // The bricks of layers on one grid of voxels.
 struct LayerBricks {
     RaySetup rays;
@@ -330,6 +340,8 @@ struct LayerBricks {
     double face_depth;
     // The light by which colours are multiplied, which are then albedos; None if matter does not scatter light.
     Maybe<RadianceCells> radiance;
+    // The fog; None without fog.
+    Maybe<FogRamp> fog;
     // One field for each layer.
     Array<const Field, 1> fields;
 };

@@ -10,6 +10,7 @@
 #include "draw/kernels.h"
 #include "base/stopping.h"
 #include "draw/fields.h"
+#include "draw/fog.h"
 #include "draw/passing.h"
 
 namespace {
@@ -110,6 +111,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
     [[maybe_unused]] bool passes_over = box.step <= LONGEST_PASSED_STEP && !field.is_labels;
     const Faces all = shown.all_faces();
     const BrickRadiance radiance = radiance_in(*shown.bricks, box);
+    const BrickFog fog = fog_in(*shown.bricks, box);
     const bool are_albedos = shown.are_albedos();
     for (int64_t first = 0; first < num; first += LANES) {
         Ints order = load<Ints>(tile.order, first);
@@ -127,7 +129,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
         }
         if constexpr (KIND == LIT || KIND == SURFACE)
             lighting = lighting_of(field.light.value, box, direction, lighting.faces, radiance);
-        Floats zero = in_all<Floats>(0.0f), red = zero, green = zero, blue = zero, alpha = zero;
+        Floats zero = in_all<Floats>(0.0f), red = zero, green = zero, blue = zero, alpha = zero, fogged = zero;
         Mask alive = mask_of(lane_numbers<Ints>() < (int32_t)least(num - first, (int64_t)LANES));
         Places places = {{}, {}, {}, {x, y, z}, {step_x, step_y, step_z}, in_all<Floats>(1.0f), alive};
         const RaySamples samples(places.begin, places.step, last);
@@ -157,10 +159,18 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
             if (are_albedos) scatter(radiance, texels_of(places), sample);
             Floats weight = scene.is_additive ? depth : (1.0f - alpha) * opacity_of_depth(depth);
             alpha += weight;
+            if (fog.color != nullptr) {
+                Floats of_fog = weight * fog.share(texels_of(places), places.step, depth);
+                fogged += where(visible, of_fog, zero), weight -= of_fog;
+            }
             if constexpr (KIND == MEANS || KIND == SEVERAL) weight = where(visible, weight / sample.tau, zero);
             if constexpr (KIND == LAMBERT) weight *= light;
             red = fma(weight, sample.r, red), green = fma(weight, sample.g, green), blue = fma(weight, sample.b, blue);
             alive &= mask_of(alpha <= scene.termination_alpha);
+        }
+        if (fog.color != nullptr) {
+            red = fma(fogged, fog.color[0], red), green = fma(fogged, fog.color[1], green);
+            blue = fma(fogged, fog.color[2], blue);
         }
         composite_under({red, green, blue, alpha}, first, num - first, tile, pixels, scene.is_additive, UpTo<LANES>());
     }

@@ -14,6 +14,7 @@
 #include "draw/kernels.h"
 #include "base/stopping.h"
 #include "draw/fields.h"
+#include "draw/fog.h"
 
 namespace {
 
@@ -164,6 +165,16 @@ struct SlabMaker {
     }
 };
 
+// Return a sample, (tau c, tau), as it shows in fog in the middle of a bin. weight: the length of the bin.
+INLINE Sample in_fog(const BrickFog& fog, Places places, int64_t bin, Floats weight, Sample sample) {
+    places.number = in_all<Floats>((float)bin);
+    Floats share = fog.share(texels_of(places), places.step, weight * sample.tau), of_fog = share * sample.tau;
+    sample.r = fma(of_fog, fog.color[0], (1.0f - share) * sample.r);
+    sample.g = fma(of_fog, fog.color[1], (1.0f - share) * sample.g);
+    sample.b = fma(of_fog, fog.color[2], (1.0f - share) * sample.b);
+    return sample;
+}
+
 // A mixture of volumes that a call draws, with the memory that it needs for a tile.
 struct Mixture {
     // The arguments of the call.
@@ -256,6 +267,7 @@ struct Mixture {
         places.step = {of.way.x * scale, of.way.y * scale, of.way.z * scale};
         Floats length = packet.step * packet.length_per_depth, zero = in_all<Floats>(0.0f);
         const BrickRadiance radiance = radiance_in(*shown[group].bricks, box);
+        const BrickFog fog = fog_in(*shown[group].bricks, box);
         for (int64_t bin = low / own * own; bin < high; bin += own) {
             Floats from = max_of(in_all<Floats>((float)bin), part.enter);
             Floats to = min_of(in_all<Floats>((float)(bin + own)), part.leave);
@@ -272,10 +284,11 @@ struct Mixture {
                 Floats covered = min_of(in_all<Floats>((float)(k + 1)), to) - max_of(in_all<Floats>((float)k), from);
                 Floats weight = max_of(zero, covered) * length;
                 int64_t at = (p * SLAB_SAMPLES + k) * BIN_FLOATS;
-                store(bins, at, fma(weight, sum.r, load<Floats>(bins, at)));
-                store(bins, at + LANES, fma(weight, sum.g, load<Floats>(bins, at + LANES)));
-                store(bins, at + 2 * LANES, fma(weight, sum.b, load<Floats>(bins, at + 2 * LANES)));
-                store(bins, at + 3 * LANES, fma(weight, sum.tau, load<Floats>(bins, at + 3 * LANES)));
+                auto [tau, red, green, blue] = fog.color == nullptr ? sum : in_fog(fog, places, k, weight, sum);
+                store(bins, at, fma(weight, red, load<Floats>(bins, at)));
+                store(bins, at + LANES, fma(weight, green, load<Floats>(bins, at + LANES)));
+                store(bins, at + 2 * LANES, fma(weight, blue, load<Floats>(bins, at + 2 * LANES)));
+                store(bins, at + 3 * LANES, fma(weight, tau, load<Floats>(bins, at + 3 * LANES)));
             }
         }
     }

@@ -104,6 +104,15 @@ struct LayerOptics {
     Maybe<Array<const double, 1>> label_opacities;
 };
 
+// The fog along rays: the share of its colour, which is linear in the length along a ray, from 0 to 1.
+struct RayFog {
+    // [rgb]: the colour of the fog.
+    double color[3];
+    // [n, 2]: the share at the origin of each ray, not limited to numbers from 0 to 1, and its change per length in the
+    // world. The parts of rays end where the share becomes 0 or 1.
+    Sized<const double, 2, 2> shares;
+};
+
 // Integrate the light of layers along rays.
 struct IntegrateRays {
     // The layers that the rays meet; their extinctions add up.
@@ -116,6 +125,8 @@ struct IntegrateRays {
     // [steps]: the largest quadrature steps. A number bounds the length of a step, in voxels, and its optical depth.
     // Rays are integrated with each of these bounds.
     EACH_CALL Array<const double, 1> max_steps;
+    // The fog; None without fog.
+    EACH_CALL Maybe<RayFog> fog;
     // [n, steps, 4]: the premultiplied RGBA of each ray, for each bound of the steps. If there are 4 + intervals
     // channels, the further channels hold how much each interval of the transfer function adds to the opacity, layer by
     // layer.
@@ -217,6 +228,8 @@ struct TracePaths {
     PathLight light;
     // The rays in the index space of each layer, as in IntegrateRays. `removed` has all clip sets of the layer.
     EACH_CALL Array<const IndexRays, 1> rays;
+    // The fog, its colour divided by the exposure of the light; None without fog.
+    EACH_CALL Maybe<RayFog> fog;
     // [n]: the state of the random numbers of each ray.
     EACH_CALL Array<const uint64_t, 1> states;
     // The number of paths that begin on each ray.

@@ -10,6 +10,7 @@
 // of the quadrature, and exact where all factors are 1.
 #include "truth/kernels.h"
 #include "base/stopping.h"
+#include "truth/truth_fog.h"
 #include "truth/truth_layer.h"
 
 namespace truth {
@@ -132,6 +133,8 @@ struct Integrator {
     double max_depth;
     // The bounds of the steps, as in IntegrateRays.
     Array<const double, 1> max_steps;
+    // The fog along all rays.
+    const Maybe<RayFog>& fog;
     // The state of the ray in each layer.
     Array<LayerRay, 1> layers;
     // [steps, 4 + intervals of all layers]: the numbers that the ray gathers, for each bound of the steps.
@@ -139,7 +142,7 @@ struct Integrator {
 
     // Integrate the same part of the ray through the layers in a list, and add it to `gathered`. first: the first layer
     // of the list. Return false if the kernel was stopped.
-    bool integrate_parts(LayerRay* first) const {
+    bool integrate_parts(LayerRay* first, int64_t ray) const {
         double bound = 0.0, num_parts = 1.0;
         for (LayerRay* layer = first; layer; layer = layer->next)
             bound += layer->part.depth_bound(), num_parts = most(num_parts, layer->part.length_voxels);
@@ -154,6 +157,7 @@ struct Integrator {
                 Step step = step_through(*first, (double)k, width);
                 for (LayerRay* layer = first->next; layer; layer = layer->next)
                     step.add(step_through(*layer, (double)k, width));
+                if (fog.exists) add_fog(step, *first, ray, (double)k, width);
                 double opacity = -expm1_of(-step.depth), transmittance = exp_of(-sums[DEPTH]);
                 Color radiance = step.radiance(opacity, adds) * (adds ? 1.0 : transmittance);
                 for (int channel = 0; channel < DEPTH; channel++) sums[channel] += radiance[channel];
@@ -165,6 +169,16 @@ struct Integrator {
             }
         }
         return true;
+    }
+
+    // Give the colours of a step fog. number, width: as in `plain_step`.
+    void add_fog(Step& step, const LayerRay& layer, int64_t ray, double number, double width) const {
+        const Piece& part = layer.part;
+        const Segment& segment = layer.segment;
+        for (int node = 0; node <= MIDDLE; node++) {
+            double t = part.start + (number + PLACES[node]) * width * part.extent;
+            step.colors[node] = in_fog(fog, ray, lerp(segment.start, segment.end, t), step.colors[node]);
+        }
     }
 
     // Return whether the ray may end, because it is opaque with every bound of the steps.
@@ -182,7 +196,7 @@ struct Integrator {
         while (!is_opaque()) {
             LayerRay* first = next_part(layers);
             if (!first) break;
-            if (!integrate_parts(first)) return false;
+            if (!integrate_parts(first, ray)) return false;
             finish_part(first);
         }
         return true;
@@ -196,10 +210,10 @@ struct Integrator {
 // opacity. Alpha is 1 - exp(-optical depth), even if light adds up without absorption.
 Status integrate_rays(const IntegrateRays* arguments) {
     using namespace truth;
-    const auto& [layers, rays, adds, max_steps, radiance] = *arguments;
+    const auto& [layers, rays, adds, max_steps, fog, radiance] = *arguments;
     int64_t num = radiance.shape[0], num_steps = max_steps.shape[0], num_channels = radiance.shape[2];
     int64_t num_layers = layers.shape[0], num_gathered = FIRST_INTERVAL, num_splits = 0;
-    if (rays.shape[0] != num_layers) return OUT_OF_BOUNDS;
+    if (rays.shape[0] != num_layers || !fit(fog, num)) return OUT_OF_BOUNDS;
     for (int64_t k = 0; k < num_layers; k++) {
         if (!fit(layers[k], rays[k], num)) return OUT_OF_BOUNDS;
         num_gathered += layers[k].intervals.rows.shape[0], num_splits += num_splits_of(layers[k]);
@@ -211,7 +225,7 @@ Status integrate_rays(const IntegrateRays* arguments) {
     if (!splits || !gathered || !layer_rays) return NO_MEMORY;
     const Array<double, 2> sums = {gathered.data, {num_steps, num_gathered}};
     const double max_depth = adds ? INFINITE : MAX_OPTICAL_DEPTH;
-    const Integrator integrator = {adds, max_depth, max_steps, layer_rays, sums};
+    const Integrator integrator = {adds, max_depth, max_steps, fog, layer_rays, sums};
     for (int64_t k = 0, first = FIRST_INTERVAL, split = 0; k < num_layers; k++) {
         layer_rays[k].prepare(layers[k], rays[k], rest_of(splits, split), first);
         first += layers[k].intervals.rows.shape[0], split += num_splits_of(layers[k]);

@@ -9,6 +9,7 @@
 // light ends by chance (Russian roulette), and counts more if it goes on. With surfaces, a path may begin on a surface of
 // one of the layers (truth_surface.h): its first direction is then on the side of the normal. M. Pharr, W. Jakob and G. Humphreys,
 // "Physically Based Rendering", 2016, chapter 15.
+#include "truth/truth_fog.h"
 #include "truth/kernels.h"
 #include "base/stopping.h"
 #include "truth/truth_medium.h"
@@ -88,6 +89,8 @@ INLINE Color surface_reflectance(Color albedo) {
 struct PathTracer {
     // The sources of light.
     const PathLight& light;
+    // The fog along all rays.
+    const Maybe<RayFog>& fog;
     // The layers, along any ray.
     Array<Medium, 1> media;
     // The state of the ray in each layer.
@@ -223,7 +226,7 @@ struct PathTracer {
                 const Segment& segment = first->segment;
                 double s = lerp(segment.start, segment.end, part.start + high * part.extent);
                 const Point at = transformed(world_from_index, origin + s * direction);
-                sum += shown(first, high, at, random);
+                sum += in_fog(fog, ray, s, shown(first, high, at, random));
             }
             reached = end;
             finish_part(first);
@@ -244,11 +247,11 @@ bool fit(const LayerOptics& optics, const PathMedium& medium, bool has_surfaces)
 // Write the radiance and the opacity of rays.
 Status trace_paths(const TracePaths* arguments) {
     using namespace truth;
-    const auto& [layers, media, light, rays, states, num_paths, radiance] = *arguments;
+    const auto& [layers, media, light, rays, fog, states, num_paths, radiance] = *arguments;
     const int64_t num = radiance.shape[0], num_layers = layers.shape[0];
     if (num_layers == 0 || media.shape[0] != num_layers || rays.shape[0] != num_layers || num_paths < 1)
         return OUT_OF_BOUNDS;
-    if (!has_shape(radiance, num, 4) || states.shape[0] != num) return OUT_OF_BOUNDS;
+    if (!has_shape(radiance, num, 4) || states.shape[0] != num || !fit(fog, num)) return OUT_OF_BOUNDS;
     int64_t num_splits = 0;
     for (int64_t k = 0; k < num_layers; k++) {
         if (!fit(layers[k], rays[k], num) || !fit(layers[k], media[k], light.surface.exists)) return OUT_OF_BOUNDS;
@@ -263,7 +266,7 @@ Status trace_paths(const TracePaths* arguments) {
         in_space[k] = {&layers[k], &media[k], rays[k].removed};
         split += num_splits_of(layers[k]);
     }
-    const PathTracer tracer = {light, in_space, layer_rays};
+    const PathTracer tracer = {light, fog, in_space, layer_rays};
     for (int64_t i = 0; i < num; i++) {
         if (is_stopped()) return STOPPED;
         const double depth = tracer.depth_of(i), opacity = -expm1_of(-depth);
