@@ -19,10 +19,12 @@ from renderer.volume import Array, Bools, Float32, Float64, Volume
 
 # The number that divides the padded length of a row, as in renderer/kernels/sources/lighting/layouts.h.
 ROW_CELLS = 16
-# The number of places along an axis of a voxel at which matter is averaged.
-_PLACES_PER_VOXEL = 2
+# The number of places along an axis of a voxel at which matter is averaged. With 2, at most 4 in a cell, an engine of
+# sharp walls was within 31.9 dB of Monte Carlo, with 3 within 35.5, and with 4, at most 8, within 36.3; they took 0.25,
+# 1.0 and 1.7 s.
+_PLACES_PER_VOXEL = 3
 # The largest number of places along an axis of a cell.
-_MAX_PLACES = 4
+_MAX_PLACES = 6
 # The number of widths of cells between two powers of two, in the finest spacing. With 16, cells are up to 6 percent
 # wider than they need be.
 _WIDTHS_PER_OCTAVE = 16
@@ -40,8 +42,8 @@ class Matter(NamedTuple):
     weight: float = 1.0
     # Tells which boxes are clipped away, as in `compute_light_grid`.
     are_removed: Callable[[Float64], Bools] | None = None
-    # [n, 3]: points in the world, in whose box all visible matter lies; no points if nothing is visible. None stands for
-    # the corners of the volume.
+    # [n, 3]: points in the world, in whose box all visible matter lies; no points if nothing is visible. None stands
+    # for the corners of the volume.
     reach: Float64 | None = None
 
     @property

@@ -12,6 +12,7 @@ import pytest
 from stage_pictures import NUMBER, drawn
 
 from renderer.annotation import Patch, draw_annotation
+from renderer.cache import caching_in
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import SceneError
 from renderer.film import quantize
@@ -323,6 +324,47 @@ def test_pictures_agree_with_paths_of_light() -> None:
     assert radiance.mean() == pytest.approx(truth.mean(), rel=0.05)
     # The blobs are as small as cells.
     assert error < 0.2**2
+
+
+def test_cells_are_as_fine_as_visible_matter_allows() -> None:
+    """A small cube in a long volume; a cube in a long bar that clipping leaves; and a far volume that shows nothing."""
+    bar, small = np.ones((9, 9, 300), np.float32), np.zeros((9, 9, 300), np.float32)
+    small[2:7, 2:7, 200:206] = 1
+    clip = [{"box": [[200, 0, 0], [220, 9, 9]], "invert": True}]
+    layer, far = {"transfer_function": points("white")}, np.eye(4) + 5000 * np.eye(4, k=3)
+    nothing = volume(np.zeros((9, 9, 9), np.float32), far, "nothing")
+    for scene, volumes, cell in (
+        (scene_of(layer), [volume(bar)], 2.5),
+        (scene_of(layer), [volume(small)], 1.0),
+        (scene_of(layer, clip=clip), [volume(bar)], 1.0),
+        (scene_of(layer, layer), [volume(small), nothing], 1.0),
+    ):
+        light = stage_of(scene, *volumes).groups[0].light
+        assert light is not None and light.cell == cell
+
+
+def test_light_of_the_first_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A later process finds it, with the same bytes; other light, other matter and other places are found anew."""
+    light = {"key": {}, "surface": 0.5}
+    scene, matter = scene_of({"transfer_function": points("orange")}, light=light), volume(blobs())
+    plain = drawn(stage_of(scene, matter))
+    with caching_in(tmp_path):
+        first = drawn(stage_of(scene, matter))
+        with monkeypatch.context() as solve:
+            solve.setattr("renderer.lighting.scene_light.compute_radiance_grid", None)
+            later = drawn(stage_of(scene, matter))
+            others = [
+                (scene | {"light": light | {"scattering": 0.5}}, matter),
+                (scene_of({"transfer_function": points("red")}, light=light), matter),
+                (scene | {"clip": [{"plane": {"point": [0, 0, 9], "normal": [0, 0, 1]}}]}, matter),
+                (scene, volume(blobs(2))),
+                (scene, volume(blobs(), TURNED)),
+            ]
+            for other, changed in others:
+                with pytest.raises(TypeError, match="not callable"):
+                    stage_of(other, changed)
+    np.testing.assert_array_equal(first, plain)
+    np.testing.assert_array_equal(later, plain)
 
 
 def test_light_reaches_a_face_that_clipping_cuts() -> None:
