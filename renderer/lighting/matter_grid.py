@@ -133,7 +133,7 @@ def _add_layer(layer: Matter, matter: MatterGrid, threads: ThreadPool) -> None:
     num_places = round(_PLACES_PER_VOXEL * cell / volume.finest_spacing)
     average = kernels().average_matter.partial(
         raw=raw_voxels(volume), scalars=_scalars_of_patterns(volume.values.dtype), shown=volume.are_shown,
-        is_nearest=volume.is_labels, curve=layer.transfer.curve(cell * layer.weight),
+        is_labels=volume.is_labels, curve=layer.transfer.curve(cell * layer.weight),
         breakpoints=visibility_breakpoints(layer.transfer, cell * layer.weight), index_from_cells=places.ravel(),
         num_places=min(max(num_places, 1), _MAX_PLACES), out=matter.cells,
     )  # fmt: skip

@@ -363,6 +363,15 @@ def labels_and_scan() -> list[Volume]:
     return [make_volume(labels, np.eye(4), "labels"), volume(blobs(), name="scan")]
 
 
+def ball_of_labels() -> list[Volume]:
+    """Return a ball that two planes divide into three labels."""
+    z, y, x = np.indices((28, 28, 28)) - 13.5
+    labels = (x * x + y * y + z * z < 11**2).astype(np.uint8)
+    labels[(labels > 0) & (x + 0.6 * y + 0.3 * z > 0)] = 2
+    labels[(labels > 0) & (x - 0.5 * y + 0.7 * z > 4)] = 3
+    return [make_volume(labels, np.eye(4), "ball")]
+
+
 def block_and_plate() -> list[Volume]:
     """Return a block, and a plate above it that keeps light from it."""
     block, plate = np.zeros((2, 24, 24, 24), np.float32)
@@ -395,6 +404,10 @@ def masked(own: Volume, affine: Float64) -> Volume:
         pytest.param([GLASS], [masked(volume(blobs()), np.diag([2.0, 2, 2, 1]))], 0.03, {}, id="masked"),
         pytest.param([GLASS, GLASS], [volume(blobs()), volume(blobs(2), FAR)], 0.1, {}, id="far apart"),
         pytest.param([OPAQUE, GLASS], [volume(blobs()), volume(blobs(2), FINE)], 0.2, {}, id="four times finer"),
+        pytest.param(
+            [{"labels": {"colors": {1: "white", 2: "#d06030", 3: "#3060d0"}, "opacity": 1, "show": [1, 2, 3]}}],
+            ball_of_labels(), 0.25, {}, id="opaque labels",
+        ),
         pytest.param(
             [{"labels": {"colors": {1: "orange", 2: "#4080c0"}, "opacity": 0.6, "show": [1, 2]}}, GLASS],
             labels_and_scan(), 0.1, {}, id="labels over a scan",
