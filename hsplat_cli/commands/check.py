@@ -44,7 +44,7 @@ from renderer.system import MemoryShare, join_lines
 
 if TYPE_CHECKING:  # the modules load kernels
     from renderer.draw import BrickMemory
-    from renderer.job import Forecast
+    from renderer.job import Forecast, LightCost
 
 # Largest number of turning points of a schedule that are listed; a schedule with more is shown by its range.
 _MAX_TURNS = 4
@@ -122,6 +122,8 @@ def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, 
     rows += [("cost", f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}")]
     if found.brick_memory is not None:
         rows.append(("memory", _memory_text(found.brick_memory)))
+    if found.light is not None:
+        rows.append(("light", _light_text(found.light)))
     rows += [("note", each.note) for each in found.glances]
     return rows, found
 
@@ -134,6 +136,16 @@ def _memory_text(memory: BrickMemory) -> str:
     if memory.needed <= memory.limit:
         return needed
     return f"{needed}, but at most {bytes_text(memory.limit)} are kept: others are made again for each frame (--memory)"
+
+
+def _light_text(light: LightCost) -> str:
+    """Describe the cells that the light is found on, and the cost of it."""
+    from hsplat_cli.reports import bytes_text  # loads numpy
+
+    voxels = "1 voxel" if light.cell_voxels == 1 else f"{light.cell_voxels:.3g} voxels"
+    cells = " x ".join(map(str, light.shape_xyz))
+    cost = f"{bytes_text(light.num_bytes)} and {light.seconds:.2g} s each time that it is found"
+    return f"{cells} cells of {voxels}, {cost}"
 
 
 def _summary(scene: FilmScene, num_frames: int, costs: Forecast | None) -> list[tuple[str, str]]:

@@ -21,7 +21,10 @@ from .film_making import (
     one_pass as one_pass,
     open_job_stage as open_job_stage,
 )
-from .forecast import Forecast as Forecast
+from .forecast import (
+    Forecast as Forecast,
+    LightCost as LightCost,
+)
 from .inputs import (
     expand_pattern as expand_pattern,
     header_data_files as header_data_files,

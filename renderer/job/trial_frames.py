@@ -17,10 +17,11 @@ from renderer.film import Picture
 from renderer.frame import FilmStage, LODCostEstimator, Stopwatch
 from renderer.job.events import JobEvents
 from renderer.job.executor import FINISHING_STEPS, DrawnFrame, Executor
-from renderer.job.forecast import Forecast
+from renderer.job.forecast import Forecast, LightCost
 from renderer.job.plan import make_plan
 from renderer.job.trial_encoding import film_bytes, trial_film
 from renderer.layers import frames_of_new_layers
+from renderer.lighting import solve_bytes
 from renderer.record import FrameRecord
 from renderer.scene import FilmScene, OutputFile
 from renderer.system import overlap
@@ -77,7 +78,16 @@ def forecast_frames(
         rows = np.array([row for row in found if row[0] == max(found)[0]])
         encoding, sizes[file] = np.average(rows[:, 2:], axis=0, weights=rows[:, 1]).tolist()
         seconds += encoding
-    return Forecast(seconds, sizes, brick_memory=executor.brick_memory)
+    return Forecast(seconds, sizes, brick_memory=executor.brick_memory, light=_light_cost(stage))
+
+
+def _light_cost(stage: FilmStage) -> LightCost | None:
+    light = stage.groups[0].light
+    if light is None:
+        return None
+    finest = min(layer.volume.finest_spacing for layer in stage.layers)
+    z, y, x, _ = light.radiance.shape
+    return LightCost(light.cell / finest, (x, y, z), solve_bytes((x, y, z)), stage.seconds.get("light", 0.0))
 
 
 def _encode_pictures(frame: DrawnFrame) -> DrawnFrame:

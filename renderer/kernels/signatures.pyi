@@ -215,7 +215,7 @@ class AverageMatter(Protocol):
         raw: NDArray[Any],
         scalars: NDArray[np.float64] | None,
         shown: NDArray[np.uint8] | None,
-        is_nearest: bool,
+        is_labels: bool,
         curve: TransferTable,
         breakpoints: NDArray[np.float64],
         index_from_cells: NDArray[np.float64],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.bricks import cut_bricks
+from renderer.cache import NOT_KEPT, KeptArrays, cache_folder
 from renderer.kernels import ClipRegion
 from renderer.layers.layer import Layer
 from renderer.lighting import Matter, SceneLight, solve_scene_light
@@ -53,7 +55,7 @@ def light_of_layers(
     """Return the light that the layers of a scene scatter; without `light`, no light.
 
     last: the light of a scene before, which is returned if it is the same. stops: the exposure of the film's first
-        frame; None for the first frame.
+        frame; None for the first frame, whose light is kept in the folder of this process.
 
     Raises InputError if the light does not fit into memory, or if a volume's file was changed.
     """
@@ -72,12 +74,21 @@ def light_of_layers(
         clip = place_object_clips(layer.volume, scene.clip + layer.spec.clip)
         are_removed = None if clip is None else partial(are_clipped_away, clip)
         matter.append(Matter(layer.volume, layer.optics, layer.spec.weight, are_removed, _reach(layer, clip)))
-    light = solve_scene_light(matter, scene.light, stops=stops, num_threads=num_threads)
+    # The light of other frames is not kept: in a film of 120 frames, it would take gigabytes.
+    kept = NOT_KEPT if stops is not None else KeptArrays(cache_folder(), "scattered", _digest_of(made_from))
+    light = solve_scene_light(matter, scene.light, stops=stops, num_threads=num_threads, kept=kept)
     return SolvedLight(made_from, light, is_first=stops is None)
 
 
+def _digest_of(made_from: tuple[Any, ...]) -> str:
+    return hashlib.blake2b(repr(made_from).encode(), digest_size=16).hexdigest()
+
+
 def _reach(layer: Layer, clip: ClipRegion | None) -> Float64:
-    """Return the corners in the world of all bricks' visible bounds, float64 [n, 3]. clip: of `place_object_clips`."""
+    """Return the corners of the visible bounds of all bricks, in the world, float64 [n, 3].
+
+    clip: the region that clipping leaves; None for all.
+    """
     assert layer.bricks is not None  # splats scatter no light
     bounds = cut_bricks(layer.bricks, 0.0).visible_bounds
     if clip is not None:

@@ -21,3 +21,4 @@ from .scene_light import (
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .exposure import choose_stops as choose_stops
+from .matter_grid import place_grid as place_grid

@@ -19,10 +19,12 @@ from renderer.volume import Array, Bools, Float32, Float64, Volume
 
 # The number that divides the padded length of a row, as in renderer/kernels/sources/lighting/layouts.h.
 ROW_CELLS = 16
-# The number of places along an axis of a voxel at which matter is averaged.
-_PLACES_PER_VOXEL = 2
+# The number of places along an axis of a voxel at which matter is averaged. With 2, at most 4 in a cell, an engine of
+# sharp walls was within 31.9 dB of Monte Carlo, with 3 within 35.5, and with 4, at most 8, within 36.3; they took 0.25,
+# 1.0 and 1.7 s.
+_PLACES_PER_VOXEL = 3
 # The largest number of places along an axis of a cell.
-_MAX_PLACES = 4
+_MAX_PLACES = 6
 # The number of widths of cells between two powers of two, in the finest spacing. With 16, cells are up to 6 percent
 # wider than they need be.
 _WIDTHS_PER_OCTAVE = 16
@@ -131,7 +133,7 @@ def _add_layer(layer: Matter, matter: MatterGrid, threads: ThreadPool) -> None:
     num_places = round(_PLACES_PER_VOXEL * cell / volume.finest_spacing)
     average = kernels().average_matter.partial(
         raw=raw_voxels(volume), scalars=_scalars_of_patterns(volume.values.dtype), shown=volume.are_shown,
-        is_nearest=volume.is_labels, curve=layer.transfer.curve(cell * layer.weight),
+        is_labels=volume.is_labels, curve=layer.transfer.curve(cell * layer.weight),
         breakpoints=visibility_breakpoints(layer.transfer, cell * layer.weight), index_from_cells=places.ravel(),
         num_places=min(max(num_places, 1), _MAX_PLACES), out=matter.cells,
     )  # fmt: skip

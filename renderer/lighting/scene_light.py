@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.cache import NOT_KEPT, KeptArrays
 from renderer.lighting.environment import LightSources
 from renderer.lighting.exposure import choose_stops
 from renderer.lighting.matter_grid import Matter
 from renderer.lighting.radiance_grid import RadianceGrid, compute_radiance_grid
 from renderer.scene import LightSpec, SurfaceSpec, Vector
 from renderer.transfer import linear_of_srgb
-from renderer.volume import Float32, Float64
+from renderer.volume import Array, Float32, Float64
 
 
 class SurfaceLight(NamedTuple):
@@ -47,31 +48,50 @@ class SceneLight(NamedTuple):
 
 
 def solve_scene_light(
-    layers: Sequence[Matter], light: LightSpec, *, stops: float | None = None, num_threads: int = 1
+    layers: Sequence[Matter],
+    light: LightSpec,
+    *,
+    stops: float | None = None,
+    num_threads: int = 1,
+    kept: KeptArrays = NOT_KEPT,
 ) -> SceneLight:
     """Return the light of a scene in layers of matter. The result does not depend on the number of threads.
 
     stops: the exposure in place of one that is chosen, if the scene leaves it open.
+    kept: the entry in which the same light was kept, or is kept now.
 
     Raises InputError if the light does not fit into memory, or if a volume's file was changed.
     """
     sources = sources_of(light)
-    grid = compute_radiance_grid(layers, sources, with_flux=sources.surface is not None, num_threads=num_threads)
-    stops = stops if light.exposure is None else light.exposure
-    stops = choose_stops(grid) if stops is None else stops
+    with kept.making() as found:
+        arrays = found
+        if arrays is None:
+            grid = compute_radiance_grid(
+                layers, sources, with_flux=sources.surface is not None, num_threads=num_threads
+            )
+            stops = stops if light.exposure is None else light.exposure
+            arrays = _shown(grid, choose_stops(grid) if stops is None else stops)
+            kept.keep(arrays)
+    *origin, cell, stops = arrays["place"].tolist()
+    surface = None
+    if sources.surface is not None:
+        key_light = sources.key_irradiance / np.pi * 2.0**stops
+        surface = SurfaceLight(sources.surface, arrays["flux"], sources.key, key_light)
+    return SceneLight(np.array(origin), cell, arrays["radiance"], stops, surface)
+
+
+def _shown(grid: RadianceGrid, stops: float) -> dict[str, Array]:
+    """Return `radiance` and `flux` as pictures show them, and `place`: the origin, the cell and the exposure."""
     radiance = np.zeros((*grid.mean_radiance.shape[:3], 4), np.float32)
     radiance[..., :3] = grid.mean_radiance * np.float32(2.0**stops)
     radiance[..., 3] = grid.key
-    return SceneLight(grid.origin, grid.cell, radiance, stops, _surface_light(grid, sources, stops))
-
-
-def _surface_light(grid: RadianceGrid, sources: LightSources, stops: float) -> SurfaceLight | None:
-    if grid.flux is None or sources.surface is None:
-        return None
-    shape = grid.flux.shape[:3]
-    flux = np.zeros((*shape, 12), np.float32)
-    flux[..., :9] = grid.flux.reshape(*shape, 9) * np.float32(2.0**stops)
-    return SurfaceLight(sources.surface, flux, sources.key, sources.key_irradiance / np.pi * 2.0**stops)
+    arrays: dict[str, Array] = {"place": np.array([*grid.origin, grid.cell, stops]), "radiance": radiance}
+    if grid.flux is not None:
+        shape = grid.flux.shape[:3]
+        flux = np.zeros((*shape, 12), np.float32)
+        flux[..., :9] = grid.flux.reshape(*shape, 9) * np.float32(2.0**stops)
+        arrays["flux"] = flux
+    return arrays
 
 
 def sources_of(light: LightSpec) -> LightSources:

@@ -12,7 +12,14 @@ from dense_bricks import OBLIQUE
 from scipy.special import expn
 
 from renderer.errors import InputError
-from renderer.lighting import LightSources, Matter, RadianceGrid, compute_radiance_grid, solve_bytes
+from renderer.lighting import (
+    LightSources,
+    Matter,
+    RadianceGrid,
+    compute_radiance_grid,
+    place_grid,
+    solve_bytes,
+)
 from renderer.transfer import TransferFunction
 from renderer.volume import Bools, Float64, make_volume
 
@@ -324,6 +331,51 @@ def test_cells_are_wider_where_there_would_be_too_many() -> None:
     grid = compute_radiance_grid([matter_of(even((60, 5, 5), 0.1))], lights(), cell_voxels=1, max_cells=32)
     assert grid.cell == 2
     assert grid.mean_radiance.shape == (5, 5, 32, 3)
+
+
+def test_grid_covers_only_visible_matter() -> None:
+    """Cells lie on the lattice of the volume's corner, and stay there where the visible matter grows."""
+    layer, grids = matter_of(even((60, 9, 9), 0.1)), []
+    for first in (20.0, 17.3):
+        reach = np.array([[first, 2.0, 2.0], [30.0, 6.5, 6.5]])
+        grids.append(compute_radiance_grid([layer._replace(reach=reach)], lights(), max_cells=32))
+    assert [grid.cell for grid in grids] == [1, 1]
+    np.testing.assert_array_equal(grids[0].origin, [18.5, 0.5, 0.5])
+    np.testing.assert_array_equal(grids[1].origin, [15.5, 0.5, 0.5])
+    assert grids[0].mean_radiance.shape == (7, 7, 13, 3)
+    depths = [grid.matter.cells[3] for grid in grids]
+    np.testing.assert_array_equal(depths[0][3, 3, 1:12], depths[1][3, 3, 4:15])
+
+
+def test_invisible_layers_widen_no_cells() -> None:
+    """A layer that is far away, and of a finer spacing."""
+    seen, nowhere = matter_of(noise((9, 9, 9), 2.0)), np.empty((0, 3))
+    far = matter_of(even((4, 4, 4), 1.0), affine=np.diag([0.1, 0.1, 0.1, 1.0]) + 1e6 * np.eye(4, k=3))
+    alone = compute_radiance_grid([seen], lights(irradiance=1.0))
+    for other in (far._replace(weight=0.0), far._replace(reach=nowhere)):
+        for layers in ([seen, other], [other, seen]):
+            grid = compute_radiance_grid(layers, lights(irradiance=1.0))
+            np.testing.assert_array_equal(grid.mean_radiance, alone.mean_radiance)
+    grid = compute_radiance_grid([far._replace(reach=nowhere)], lights(irradiance=1.0))
+    assert grid.mean_radiance.shape == (3, 3, 3, 3)
+    assert not grid.matter.cells.any()
+
+
+@pytest.mark.parametrize("max_cells", [4, 32, 128])
+def test_cells_are_few_and_hardly_wider_than_needed(max_cells: int) -> None:
+    """Volumes of any size and distance, in one grid."""
+    random = np.random.default_rng(1)
+    for _ in range(200):
+        sides, spacing = 10.0 ** random.uniform(0, 6, 3), 10.0 ** random.uniform(-8, 8)
+        low = random.uniform(-1e4, 1e4, 3) * spacing
+        reach = np.array([low, low + sides * spacing])
+        layer = matter_of(even((2, 2, 2), 1.0), affine=np.diag([spacing] * 3 + [1.0]))._replace(reach=reach)
+        origin, cell, shape = place_grid([layer], 1.0, max_cells)
+        assert max(shape) <= max_cells
+        assert cell <= max(spacing, sides.max() * spacing / (max_cells - 2)) * (1 + 3 / 16 + 1 / (max_cells - 3))
+        ends = origin + cell * np.array(shape)
+        assert (origin + cell * 0.99 <= reach[0]).all()
+        assert (ends - cell * 0.99 >= reach[1]).all()
 
 
 def test_scattering_multiplies_albedos() -> None:

@@ -156,7 +156,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
                 depth = where(visible, sample.tau, zero) * scale * length;
             }
             if (!any_of(visible)) continue;
-            if (are_albedos) scatter(radiance, texels_of(places), sample);
+            if (are_albedos) scatter(radiance, seen_texels(places, depth), sample);
             Floats weight = scene.is_additive ? depth : (1.0f - alpha) * opacity_of_depth(depth);
             alpha += weight;
             if (fog.color != nullptr) {

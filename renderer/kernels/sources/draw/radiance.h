@@ -65,8 +65,7 @@ INLINE Four<Floats> look_up(const Array<const float, 4>& cells, const RadiancePl
     return mix(place.shares[2], face(first), face(first + plane));
 }
 
-// Multiply the colours of samples by the mean radiance at their places. texel: the positions of samples in the brick, in
-// texels.
+// Multiply the colours of samples by the mean radiance at places in the brick. texel: the places, in texels.
 INLINE void scatter(const BrickRadiance& radiance, const Three& texel, Sample& sample) {
     auto [red, green, blue, unused] = look_up(radiance.grid->cells, place_in(radiance, texel), 0);
     sample.r *= red, sample.g *= green, sample.b *= blue;

@@ -55,8 +55,8 @@ struct AverageMatter {
     Maybe<Array<const double, 1>> scalars;
     // [z, y, x]: 0 for voxels that a mask hides; None without a mask.
     Maybe<Array<const uint8_t, 3>> shown;
-    // Whether the scalar of a place is the value of the nearest voxel, as of labels.
-    bool is_nearest;
+    // Whether scalars are labels: a place has the one with the largest sum of weights around it.
+    bool is_labels;
     // The transfer function: albedos, and optical depths of a path through one cell, times the weight of the layer.
     TransferTable curve;
     // The scalars, ascending, at which matter becomes visible or invisible.

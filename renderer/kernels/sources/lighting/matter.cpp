@@ -7,6 +7,48 @@
 
 namespace {
 
+// Return the label at a place: the one with the largest sum of weights over the 27 voxels around the nearest voxel, as in
+// `draw/labels.h`. It is the label of one of the eight voxels around the place. nearest: the indices of the nearest voxel.
+// apart: how far behind it the place is, along each axis.
+template <class T>
+INLINE T label_at(const Array<const T, 3>& voxels, const int64_t* nearest, const double* apart) {
+    double weights[3][3];
+    for (int axis = 0; axis < 3; axis++) {
+        double t = apart[axis], before = 0.5 - t, behind = 0.5 + t;
+        weights[axis][0] = 0.4 * before * before + 0.2 * most(-t, 0.0);
+        weights[axis][1] = 0.8 - 0.8 * t * t - 0.2 * most(t, -t);
+        weights[axis][2] = 0.4 * behind * behind + 0.2 * most(t, 0.0);
+    }
+    T labels[27];
+    bool are_equal = true;
+    for (int k = 0; k < 27; k++) {
+        const int steps[3] = {k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1};
+        int64_t at[3];
+        for (int axis = 0; axis < 3; axis++)  // beyond the border, the outermost labels are repeated
+            at[axis] = most(least(nearest[axis] + steps[axis], voxels.shape[2 - axis] - 1), (int64_t)0);
+        labels[k] = voxels(at[2], at[1], at[0]);
+        are_equal = are_equal && labels[k] == labels[0];
+    }
+    constexpr int MIDDLE = 13;
+    if (are_equal) return labels[MIDDLE];
+    auto sum_of = [&](T label) {
+        double sum = 0;
+        for (int k = 0; k < 27; k++)
+            if (labels[k] == label) sum += weights[0][k % 3] * weights[1][k / 3 % 3] * weights[2][k / 9];
+        return sum;
+    };
+    T best = labels[MIDDLE];
+    double most_weight = sum_of(best);
+    for (int corner = 1; corner < 8; corner++) {
+        int k = MIDDLE;
+        for (int axis = 0, stride = 1; axis < 3; axis++, stride *= 3)
+            if (corner >> axis & 1) k += apart[axis] < 0 ? -stride : stride;
+        if (labels[k] == best) continue;
+        if (double sum = sum_of(labels[k]); sum > most_weight) best = labels[k], most_weight = sum;
+    }
+    return best;
+}
+
 // Return the scalar at a place in voxel indices; NaN outside, beside hidden voxels, and where the nearest voxel has no
 // data. The volume covers [-1/2, n - 1/2]; beyond the middles of the outermost voxels, the scalar is constant.
 template <class T, class ScalarOf>
@@ -23,7 +65,12 @@ INLINE double scalar_at(const Array<const T, 3>& voxels, const AverageMatter& of
     }
     double middle = scalar_of(voxels(nearest[2], nearest[1], nearest[0]));
     if (of.shown.exists && !of.shown.value(nearest[2], nearest[1], nearest[0])) return __builtin_nan("");
-    if (of.is_nearest || is_nan(middle)) return middle;
+    if (of.is_labels) {
+        const double apart[3] = {first[0] + share[0] - nearest[0], first[1] + share[1] - nearest[1],
+                                 first[2] + share[2] - nearest[2]};
+        return scalar_of(label_at(voxels, nearest, apart));
+    }
+    if (is_nan(middle)) return middle;
     auto known = [&](int64_t z, int64_t y, int64_t x) {  // beside voxels without data, the nearest value is repeated
         double scalar = scalar_of(voxels(z, y, x));
         return is_nan(scalar) ? middle : scalar;
