@@ -52,7 +52,7 @@ def scene_of(**sections: Any) -> FilmScene:
 
 
 def slab_in_fog(depths: tuple[float, float] = RANGE) -> Float64:
-    """Return the colour of the slab in fog of a range of depths: the opacity that adds the fog's colour is the integral by parts."""
+    """Return the colour of the slab in fog of a range of depths, by integration by parts."""
     tau = -math.log(1 - OPACITY)
     begin, end = (SIDE / 2 + depth for depth in depths)
     alpha = -math.expm1(-tau * SIDE)
