@@ -32,6 +32,7 @@ from renderer.scene import (
     FilmScene,
     FlightKey,
     FlightPath,
+    FogSpec,
     HoldPath,
     ImportedLook,
     Keyframe,
@@ -154,7 +155,8 @@ SECTIONS = {
         light=LightSpec(
             EnvironmentSpec((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (0.0, 0.0, 1 / 3)), AXIS,
             KeySpec(moving(Motion((0, 7), (AXIS, (0.0, 0.0, 1.0)), kind="direction")), (0.5, 1.0, 0.0), 1 / 3, 0.5),
-            -2.25)),
+            scattering=0.25, surface=0.75, specular=0.5, shininess=4.5, exposure=-2.25)),
+    "fog": replace(PLAIN, fog=FogSpec((-1 / 3, 2.5), moving(Motion((0, 7), ((1.0, 0.0, 0.0), (0.0, 0.5, 1.0)))))),
     "light as it is": replace(PLAIN, light=LightSpec()),
     "depth": replace(PLAIN, mode=ModeSpec("maximum", color_by="depth")),
     "volumes": replace(PLAIN, layers=LAYERS, shared=SharedKeys(), blend="add"),
