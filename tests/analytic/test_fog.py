@@ -51,10 +51,10 @@ def scene_of(**sections: Any) -> FilmScene:
     return parse_scene(volumes | tree | sections, base=Path.cwd(), is_single_frame=True)
 
 
-def slab_in_fog() -> Float64:
-    """Return the colour of the slab: the opacity that adds the fog's colour is the integral by parts."""
+def slab_in_fog(depths: tuple[float, float] = RANGE) -> Float64:
+    """Return the colour of the slab in fog of a range of depths, by integration by parts."""
     tau = -math.log(1 - OPACITY)
-    begin, end = (SIDE / 2 + depth for depth in RANGE)
+    begin, end = (SIDE / 2 + depth for depth in depths)
     alpha = -math.expm1(-tau * SIDE)
     foggy = (math.exp(-tau * begin) - math.exp(-tau * end)) / (tau * (end - begin)) - math.exp(-tau * SIDE)
     return np.array([foggy * of_fog + (alpha - foggy) * own for own, of_fog in zip(COLOR, FOG, strict=True)])
@@ -79,6 +79,13 @@ def test_a_slab_in_fog(sections: dict[str, Any]) -> None:
     scene = scene_of(**sections)
     assert drawn(scene) == pytest.approx(slab_in_fog(), abs=2.1e-3)
     assert exact(scene) == pytest.approx(slab_in_fog(), abs=1e-6)
+
+
+def test_exact_rays_are_exact_in_a_wall_of_fog() -> None:
+    """Rays are divided where fog begins and ends, both within a voxel."""
+    depths = (0.23, 0.31)
+    found = exact(scene_of(fog={"color": list(FOG), "range": list(depths)}))
+    assert found == pytest.approx(slab_in_fog(depths), abs=1e-6)
 
 
 def test_behind_its_end_fog_hides_all_light() -> None:
