@@ -108,4 +108,6 @@ def test_grids_and_layers_of_any_kind_agree_with_paths(
     stage = stage_of(scene_of(*looks, light=OUTDOOR, output=output, **sections), *volumes)
     error, brightness = against_paths(stage)
     assert error < most
-    assert brightness == pytest.approx(1, abs=0.2)
+    assert brightness == pytest.approx(
+        1, abs=0.3
+    )  # opaque faces without a ramp show half of the empty cell before them
