@@ -74,15 +74,15 @@ INLINE Three texels_of(const Places& places) {
     return {fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
 }
 
-// Return the places whose light the segments of samples show, in texels. depth: the optical depths of the segments. Even
-// matter of the depth t is seen at 1 / t - 1 / (exp(t) - 1) of a segment, on average over the light that it scatters: in
+// Return the places whose light the segments of samples show, in texels. way: the way along a segment of the width 1, in
+// texels; `step` of Places is 0 on rays with one sample. depth: the optical depths of the segments. Even matter of the depth t is seen at 1 / t - 1 / (exp(t) - 1) of a segment, on average over the light that it scatters: in
 // the middle if it is clear, and in front if it is opaque. At the middle of long segments, opaque matter would be dark.
-INLINE Three seen_texels(const Places& places, Floats depth) {
+INLINE Three seen_texels(const Places& places, const Three& way, Floats depth) {
     Floats of_clear = fma(depth, (float)(-1.0 / 12), 0.5f), of_dense = 1.0f / depth - 1.0f / opacity_of_depth(depth) + 1.0f;
     Floats share = where(mask_of(depth > 0.25f), of_dense, of_clear);
-    Floats number = fma(share - 0.5f, places.width, places.number);
-    const Three &begin = places.begin, &step = places.step;
-    return {fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
+    Floats behind = (share - 0.5f) * places.width;
+    auto [x, y, z] = texels_of(places);
+    return {fma(behind, way.x, x), fma(behind, way.y, y), fma(behind, way.z, z)};
 }
 
 // The scalars of samples, one in each lane.

@@ -127,6 +127,16 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
             };
             direction = {along(0), along(1), along(2)};
         }
+        Three way = {};
+        if (are_albedos) {
+            Ints at = gather(tile.pixels, order);
+            auto number_of_ray = [&](int number) {
+                return __builtin_convertvector(gather(rest_of(tile.rays, number * tile.room), at), Floats);
+            };
+            Floats texels_per_direction = length * (float)box.scale / number_of_ray(LENGTH_PER_DEPTH);
+            way = {number_of_ray(DIRECTION) * texels_per_direction, number_of_ray(DIRECTION + 1) * texels_per_direction,
+                   number_of_ray(DIRECTION + 2) * texels_per_direction};
+        }
         if constexpr (KIND == LIT || KIND == SURFACE)
             lighting = lighting_of(field.light.value, box, direction, lighting.faces, radiance);
         Floats zero = in_all<Floats>(0.0f), red = zero, green = zero, blue = zero, alpha = zero, fogged = zero;
@@ -156,7 +166,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
                 depth = where(visible, sample.tau, zero) * scale * length;
             }
             if (!any_of(visible)) continue;
-            if (are_albedos) scatter(radiance, seen_texels(places, depth), sample);
+            if (are_albedos) scatter(radiance, seen_texels(places, way, depth), sample);
             Floats weight = scene.is_additive ? depth : (1.0f - alpha) * opacity_of_depth(depth);
             alpha += weight;
             if (fog.color != nullptr) {

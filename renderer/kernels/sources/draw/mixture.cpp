@@ -279,7 +279,7 @@ struct Mixture {
             places.cell = {held(cell.x), held(cell.y), held(cell.z)};
             Sample sum = sum_of_layers<NUM>(shown[group], brick, box, places, of.direction, radiance);
             if (!any_of(mask_of(sum.tau > 0.0f))) continue;
-            if (shown[group].are_albedos()) scatter(radiance, seen_texels(places, sum.tau * places.width * length), sum);
+            if (shown[group].are_albedos()) scatter(radiance, seen_texels(places, places.step, sum.tau * places.width * length), sum);
             for (int64_t k = most(bin, low); k < least(bin + own, high); k++) {
                 Floats covered = min_of(in_all<Floats>((float)(k + 1)), to) - max_of(in_all<Floats>((float)k), from);
                 Floats weight = max_of(zero, covered) * length;
