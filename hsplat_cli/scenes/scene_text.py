@@ -328,6 +328,7 @@ def _light_lines(light: LightSpec | None, axis: str) -> Iterator[str]:
     if axis != "z":
         given["up"] = _list(AXES[axis])
     if light.key is not None:
+        assert not isinstance(light.key.direction, str), "suggested lamps are fixed to the object"
         direction = [round(each, 6) + 0.0 for each in (turn @ light.key.direction).tolist()]
         lamp = f'direction: {_list(direction)}, color: "{_hex_color(light.key.color)}"'
         lamp += f", strength: {format_value(light.key.strength)}, radius: {format_value(light.key.radius)}"

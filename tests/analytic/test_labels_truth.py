@@ -44,7 +44,9 @@ def seen(layer: TrueLayer, origins: Float64, directions: Float64, end: float) ->
     """RGBA [n, 4] of rays in index space, from their origins up to a length."""
     radiance, parts, one = np.empty((len(origins), 1, 4)), np.tile([0.0, end], (len(origins), 1, 1)), np.ones(1)
     rays = IndexRays(origins, np.ascontiguousarray(np.broadcast_to(directions, origins.shape)), parts, removed=())
-    kernels().integrate_rays(layers=[optics_of(layer)], adds=False, rays=[rays], max_steps=one, radiance=radiance)
+    kernels().integrate_rays(
+        layers=[optics_of(layer)], fog=None, adds=False, rays=[rays], max_steps=one, radiance=radiance
+    )
     return radiance[:, 0]
 
 
