@@ -52,7 +52,7 @@ def film_visibility(frames: Sequence[FrameRecord], ranges: Sequence[VisibleRange
 def visibility_text(visibility: FilmVisibility) -> str:
     """Return `hardly seen: values from 180 to 255, 0.1 % of what is visible`; empty if no range is hidden.
 
-    Hidden ranges that are neighbours are named as one range.
+    Hidden ranges that are neighbours are named as one range, and all hidden labels of a volume together.
     """
 
     def is_hidden(each: VisibleRange) -> bool:
@@ -60,7 +60,8 @@ def visibility_text(visibility: FilmVisibility) -> str:
         least = _HIDDEN_SHARE if each.name is None else _HIDDEN_PART / len(opacities)
         return each.share < least and each.opacity >= _LEAST_OPACITY * max(opacities)
 
-    runs = groupby(visibility.ranges, lambda each: (is_hidden(each), each.layer))
+    ranges = [each for each in visibility.ranges if each.name is None or is_hidden(each)]
+    runs = groupby(ranges, lambda each: (is_hidden(each), each.layer))
     groups = [list(group) for (hidden, _), group in runs if hidden]
     parts = [f"{_group_text(group)}, {_percent(group)}" for group in groups]
     return f"hardly seen: {'; '.join(parts)} of what is visible" if parts else ""

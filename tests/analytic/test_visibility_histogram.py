@@ -190,3 +190,9 @@ def test_hidden_neighbours_are_one_range() -> None:
     shares = [(0.998, 0, 1), (0.001, 1, 2), (0.001, 2, 3)]
     found = FilmVisibility(0.5, tuple(VisibleRange(share, 0.5, low, high) for share, low, high in shares))
     assert visibility_text(found) == "hardly seen: values from 1 to 3, 0.2 % of what is visible"
+
+
+def test_hidden_labels_of_a_volume_are_named_together() -> None:
+    ranges = [VisibleRange(share, 1.0, name=name, layer=0) for name, share in (("a", 0.0), ("b", 1.0), ("c", 0.001))]
+    found = visibility_text(FilmVisibility(0.5, tuple(ranges)))
+    assert found == "hardly seen: a, c of volume 1, 0.1 % of what is visible"
