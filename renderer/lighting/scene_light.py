@@ -10,10 +10,13 @@ import numpy as np
 from renderer.lighting.environment import LightSources
 from renderer.lighting.exposure import choose_stops
 from renderer.lighting.matter_grid import Matter
-from renderer.lighting.radiance_grid import RadianceGrid, compute_radiance_grid
+from renderer.lighting.radiance_grid import compute_radiance_grid
 from renderer.scene import LightSpec, SurfaceSpec, Vector
 from renderer.transfer import linear_of_srgb
 from renderer.volume import Float32, Float64
+
+# The number of numbers of a cell with flux: a line of the processor's cache.
+_NUMBERS_WITH_FLUX = 16
 
 
 class SurfaceLight(NamedTuple):
@@ -21,9 +24,6 @@ class SurfaceLight(NamedTuple):
 
     # How surfaces reflect light.
     spec: SurfaceSpec
-    # [z, y, x, 12]: the flux, as in RadianceGrid, times the exposure: along x (r, g, b), y and z. The last three
-    # numbers are 0.
-    flux: Float32
     # The unit vector to the middle of the key light.
     key: Vector
     # [rgb]: the irradiance of the key light, divided by pi, times the exposure.
@@ -38,7 +38,8 @@ class SceneLight(NamedTuple):
     # The width of a cell, in the world.
     cell: float
     # [z, y, x, 4]: the mean radiance (r, g, b), times the exposure; matter shows its albedo times it. The fourth number
-    # is the share of the key light that arrives straight.
+    # is the share of the key light that arrives straight. With surfaces [z, y, x, 16]: then the flux, as in
+    # RadianceGrid, times the exposure, along x (r, g, b), y and z. The last three numbers are 0.
     radiance: Float32
     # The exposure: the power of 2 by which all light was multiplied.
     stops: float
@@ -59,19 +60,16 @@ def solve_scene_light(
     grid = compute_radiance_grid(layers, sources, with_flux=sources.surface is not None, num_threads=num_threads)
     stops = stops if light.exposure is None else light.exposure
     stops = choose_stops(grid) if stops is None else stops
-    radiance = np.zeros((*grid.mean_radiance.shape[:3], 4), np.float32)
-    radiance[..., :3] = grid.mean_radiance * np.float32(2.0**stops)
+    exposure, shape = np.float32(2.0**stops), grid.mean_radiance.shape[:3]
+    radiance = np.zeros((*shape, 4 if grid.flux is None else _NUMBERS_WITH_FLUX), np.float32)
+    radiance[..., :3] = grid.mean_radiance * exposure
     radiance[..., 3] = grid.key
-    return SceneLight(grid.origin, grid.cell, radiance, stops, _surface_light(grid, sources, stops))
-
-
-def _surface_light(grid: RadianceGrid, sources: LightSources, stops: float) -> SurfaceLight | None:
-    if grid.flux is None or sources.surface is None:
-        return None
-    shape = grid.flux.shape[:3]
-    flux = np.zeros((*shape, 12), np.float32)
-    flux[..., :9] = grid.flux.reshape(*shape, 9) * np.float32(2.0**stops)
-    return SurfaceLight(sources.surface, flux, sources.key, sources.key_irradiance / np.pi * 2.0**stops)
+    if grid.flux is not None:
+        radiance[..., 4:13] = grid.flux.reshape(*shape, 9) * exposure
+    surface = None
+    if sources.surface is not None:
+        surface = SurfaceLight(sources.surface, sources.key, sources.key_irradiance / np.pi * 2.0**stops)
+    return SceneLight(grid.origin, grid.cell, radiance, stops, surface)
 
 
 def sources_of(light: LightSpec) -> LightSources:

@@ -43,8 +43,8 @@ struct SurfacePoint {
     Three radiance;
     // The mean radiance, without the key light that arrives straight.
     Three scattered;
-    // The flux along x (r, g, b), y and z, and three numbers more.
-    Four<Floats> flux[3];
+    // The numbers of cells: the mean radiance, the share of the key light, and the flux along x (r, g, b), y and z.
+    ManyNumbers numbers;
     // The share of the key light that arrives straight.
     Floats key_share;
     // The reflectance of surfaces of the sample's albedo.
@@ -53,8 +53,8 @@ struct SurfacePoint {
     Three halfway;
 
     INLINE Floats flux_of(int axis, int channel) const {
-        const int number = 3 * axis + channel;
-        const auto& [a, b, c, d] = flux[number / 4];
+        const int number = 4 + 3 * axis + channel;
+        const auto& [a, b, c, d] = numbers.fours[number / 4];
         return number % 4 == 0 ? a : number % 4 == 1 ? b : number % 4 == 2 ? c : d;
     }
 
@@ -106,8 +106,8 @@ INLINE Floats surface_reflectance(Floats albedo) {
 INLINE SurfacePoint surface_point(const BrickRadiance& radiance, const Three& texel, const Sample& sample,
                                   const Three& to_viewer) {
     const SurfaceCells& cells = radiance.grid->surface.value;
-    const RadiancePlace place = place_in(radiance, texel);
-    const auto [red, green, blue, share] = look_up(radiance.grid->cells, place, 0);
+    const ManyNumbers numbers = look_up_all(radiance.grid->cells, place_in(radiance, texel));
+    const auto& [red, green, blue, share] = numbers.fours[0];
     auto rest = [&](Floats all, int channel) { return fma(share, -0.25f * cells.key_light[channel], all); };
     Three halfway = {to_viewer.x + cells.key[0], to_viewer.y + cells.key[1], to_viewer.z + cells.key[2]};
     const Floats length = root(dot(halfway, halfway));
@@ -115,7 +115,7 @@ INLINE SurfacePoint surface_point(const BrickRadiance& radiance, const Three& te
     halfway = {halfway.x * scale, halfway.y * scale, halfway.z * scale};
     return {
         cells, {red, green, blue}, {rest(red, 0), rest(green, 1), rest(blue, 2)},
-        {look_up(cells.flux, place, 0), look_up(cells.flux, place, 4), look_up(cells.flux, place, 8)}, share,
+        numbers, share,
         {surface_reflectance(sample.r), surface_reflectance(sample.g), surface_reflectance(sample.b)}, halfway,
     };
 }
