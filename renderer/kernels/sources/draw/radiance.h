@@ -74,20 +74,18 @@ struct ManyNumbers {
 };
 
 // Interpolate all numbers of cells that have NUMBERS_WITH_FLUX of them. Each sample is a sum of eight rows, and the sums are
-// transposed; `look_up` for four numbers at a time transposes eight times as much and takes more than twice as long.
+// transposed. With `look_up` for each four numbers, which transposes eight times as much, a frame takes 1.9 times as long.
 INLINE ManyNumbers look_up_all(const Array<const float, 4>& cells, const RadiancePlace& place) {
     using Row = Vector<float, NUMBERS_WITH_FLUX>;
     const Array<const float, 1> numbers = {cells.data, {cells.size()}};
     const int64_t row = NUMBERS_WITH_FLUX * cells.shape[2], plane = row * cells.shape[1];
     const Ints at = place.at * NUMBERS_WITH_FLUX;
     const auto& [x, y, z] = place.shares;
-    const Floats of_upper = y * z, of_lower = z - of_upper, of_front = y - of_upper, of_first = 1.0f - z - of_front;
-    auto next = [&](Floats weight) { return x * weight; };
+    const Floats both = y * z, of_edges[] = {1.0f - y - (z - both), y - both, z - both, both};
     float weights[8][LANES], sums[LANES][NUMBERS_WITH_FLUX];
-    const Floats of_edges[] = {of_first, of_front, of_lower, of_upper};
 #pragma clang loop unroll(full)
     for (int edge = 0; edge < 4; edge++) {
-        const Floats of_next = next(of_edges[edge]);
+        const Floats of_next = x * of_edges[edge];
         store(&weights[2 * edge][0], 0, of_edges[edge] - of_next);
         store(&weights[2 * edge + 1][0], 0, of_next);
     }

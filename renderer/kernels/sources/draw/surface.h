@@ -71,9 +71,10 @@ struct SurfacePoint {
         auto along = [&](const float (&way)[3]) { return fma(normal.x, way[0], fma(normal.y, way[1], normal.z * way[2])); };
         const Floats to_key = max_of(zero, along(cells.key));
         Floats shine = zero;
-        if (cells.specular > 0.0f) {
+        const Mask is_lit = mask_of(to_key > 0.0f);
+        if (cells.specular > 0.0f && any_of(is_lit)) {
             shine = power(max_of(zero, dot(normal, halfway)), cells.shininess) * cells.specular;
-            shine = where(mask_of(to_key > 0.0f), shine * key_share, zero);
+            shine = where(is_lit, shine * key_share, zero);
         }
         const Floats share = where(is_steep, cells.share * change, zero), of_key = key_share * to_key;
         auto shown = [&](int channel, Floats around, Floats factor) {
