@@ -409,6 +409,9 @@ class PiecewiseTransfer(NamedTuple):
     guide: NDArray[np.int32]
     # The normalized scalar u below which no scalar is visible.
     lowest_visible: float
+    # [GUIDE_SIZE + 1]: the opacities over OPACITY_SPACINGS of the finest voxel spacing, at u = k / GUIDE_SIZE. They
+    # tell surfaces.
+    opacities: NDArray[np.float32]
 
 
 class Intervals(NamedTuple):

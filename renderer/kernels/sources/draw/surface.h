@@ -16,11 +16,8 @@
 // The factor on the gradient of the smoothed opacities of labels, over the finest spacing. It is 5/16 beside a flat border
 // between nothing and an opaque label.
 constexpr float LABEL_GAIN = 3.2f;
-// The length, in finest spacings, whose opacity tells surfaces. Matter that is opaque over a few voxels looks like a
-// surface.
+// The length, in finest spacings, whose opacity tells surfaces, as in renderer/transfer/piecewise.py.
 constexpr float OPACITY_SPACINGS = 4.0f;
-// The largest scalar that is classified, in texels, so that it is below the end of the last piece of transfer functions.
-constexpr float LARGEST_TEXEL = 1e30f;
 
 // The light that surfaces reflect, one in each lane.
 struct Reflected {
@@ -122,13 +119,15 @@ INLINE SurfacePoint surface_point(const BrickRadiance& radiance, const Three& te
 }
 
 // Return the change of opacity at samples of a field along the gradient; below 0 if opacity falls with the scalar.
-INLINE Floats rise_of_opacity(const Field& field, const LaneTable& table, Floats scalar, const Three& gradient) {
+INLINE Floats rise_of_opacity(const Field& field, Floats scalar, const Three& gradient) {
     const Floats change = root(dot(gradient, gradient)) * field.light.value.change_per_length;
-    const Floats one = in_all<Floats>(1.0f), largest = in_all<Floats>(LARGEST_TEXEL);
-    if (field.is_labels) return min_of(one, LABEL_GAIN * change);
+    if (field.is_labels) return min_of(in_all<Floats>(1.0f), LABEL_GAIN * change);
     auto opacity_at = [&](Floats at) {
-        Floats tau = classify(table, min_of(max_of(at, -largest), largest)).tau;
-        return opacity_of_depth(max_of(in_all<Floats>(0.0f), OPACITY_SPACINGS * tau));
+        const Floats place = min_of(max_of(in_all<Floats>(0.0f), at * (float)GUIDE_SIZE), in_all<Floats>((float)GUIDE_SIZE));
+        const Ints low = min_of(to_int32(place), in_all<Ints>(GUIDE_SIZE - 1));
+        Floats one, next;
+        load_pairs(field.pieces.opacities, low, one, next);
+        return lerp(place - to_float32(low), one, next);
     };
     return opacity_at(scalar + change) - opacity_at(scalar - change);
 }
