@@ -187,8 +187,6 @@ class Field(NamedTuple):
 class SurfaceCells(NamedTuple):
     """The light on surfaces, as in SurfaceLight (renderer/lighting/scene_light.py)."""
 
-    # [z, y, x, 12]: the flux along x (r, g, b), y and z at the middles of cells, and three numbers more.
-    flux: NDArray[np.float32]
     # The share of light that a surface reflects, from 0 to 1; the remainder is scattered.
     share: float
     # The coefficient and the exponent of highlights.
@@ -204,7 +202,7 @@ class RadianceCells(NamedTuple):
     """The mean radiance in matter that scatters light, on a grid over all layers (renderer/lighting/scene_light.py)."""
 
     # [z, y, x, 4]: the mean radiance (r, g, b) at the middles of cells, and the share of the key light that arrives
-    # straight.
+    # straight. With surfaces [z, y, x, 16]: then the flux along x (r, g, b), y and z, and three numbers more.
     cells: NDArray[np.float32]
     # The light on surfaces; None if no surface reflects light. Otherwise fields have a light of the viewer, for their
     # gradients.
@@ -424,6 +422,9 @@ class PiecewiseTransfer(NamedTuple):
     guide: NDArray[np.int32]
     # The normalized scalar u below which no scalar is visible.
     lowest_visible: float
+    # [GUIDE_SIZE + 1]: the opacities over OPACITY_SPACINGS of the finest voxel spacing, at u = k / GUIDE_SIZE. They
+    # tell surfaces.
+    opacities: NDArray[np.float32]
 
 
 class Intervals(NamedTuple):

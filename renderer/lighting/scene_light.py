@@ -16,15 +16,15 @@ from renderer.scene import LightSpec, SurfaceSpec, Vector
 from renderer.transfer import linear_of_srgb
 from renderer.volume import Array, Float32, Float64
 
+# The number of numbers of a cell with flux: a line of the processor's cache.
+_NUMBERS_WITH_FLUX = 16
+
 
 class SurfaceLight(NamedTuple):
     """The light on surfaces in the matter of a scene."""
 
     # How surfaces reflect light.
     spec: SurfaceSpec
-    # [z, y, x, 12]: the flux, as in RadianceGrid, times the exposure: along x (r, g, b), y and z. The last three
-    # numbers are 0.
-    flux: Float32
     # The unit vector to the middle of the key light.
     key: Vector
     # [rgb]: the irradiance of the key light, divided by pi, times the exposure.
@@ -39,7 +39,8 @@ class SceneLight(NamedTuple):
     # The width of a cell, in the world.
     cell: float
     # [z, y, x, 4]: the mean radiance (r, g, b), times the exposure; matter shows its albedo times it. The fourth number
-    # is the share of the key light that arrives straight.
+    # is the share of the key light that arrives straight. With surfaces [z, y, x, 16]: then the flux, as in
+    # RadianceGrid, times the exposure, along x (r, g, b), y and z. The last three numbers are 0.
     radiance: Float32
     # The exposure: the power of 2 by which all light was multiplied.
     stops: float
@@ -76,22 +77,19 @@ def solve_scene_light(
     surface = None
     if sources.surface is not None:
         key_light = sources.key_irradiance / np.pi * 2.0**stops
-        surface = SurfaceLight(sources.surface, arrays["flux"], sources.key, key_light)
+        surface = SurfaceLight(sources.surface, sources.key, key_light)
     return SceneLight(np.array(origin), cell, arrays["radiance"], stops, surface)
 
 
 def _shown(grid: RadianceGrid, stops: float) -> dict[str, Array]:
-    """Return `radiance` and `flux` as pictures show them, and `place`: the origin, the cell and the exposure."""
-    radiance = np.zeros((*grid.mean_radiance.shape[:3], 4), np.float32)
-    radiance[..., :3] = grid.mean_radiance * np.float32(2.0**stops)
+    """Return `radiance` as pictures show it, and `place`: the origin, the cell and the exposure."""
+    exposure, shape = np.float32(2.0**stops), grid.mean_radiance.shape[:3]
+    radiance = np.zeros((*shape, 4 if grid.flux is None else _NUMBERS_WITH_FLUX), np.float32)
+    radiance[..., :3] = grid.mean_radiance * exposure
     radiance[..., 3] = grid.key
-    arrays: dict[str, Array] = {"place": np.array([*grid.origin, grid.cell, stops]), "radiance": radiance}
     if grid.flux is not None:
-        shape = grid.flux.shape[:3]
-        flux = np.zeros((*shape, 12), np.float32)
-        flux[..., :9] = grid.flux.reshape(*shape, 9) * np.float32(2.0**stops)
-        arrays["flux"] = flux
-    return arrays
+        radiance[..., 4:13] = grid.flux.reshape(*shape, 9) * exposure
+    return {"place": np.array([*grid.origin, grid.cell, stops]), "radiance": radiance}
 
 
 def sources_of(light: LightSpec) -> LightSources:

@@ -15,6 +15,10 @@ from renderer.volume import Float32, Float64, Int32
 # search for the segment of a scalar starts. Most buckets hold no control point, and the guide's 8 KiB stay in cache.
 GUIDE_SIZE = 1024
 
+# The length, in finest spacings, whose opacity tells surfaces. Matter that is opaque over a few voxels looks like a
+# surface.
+OPACITY_SPACINGS = 4.0
+
 # The largest magnitude of a normalized scalar. Larger scalars are clamped, so that no interpolation towards a visible
 # scalar overflows.
 MAX_NORMALIZED_SCALAR = 2.0**20
@@ -66,7 +70,15 @@ def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> 
     guide = np.searchsorted(knots, np.arange(GUIDE_SIZE) / GUIDE_SIZE, side="right").astype(np.int32)
     guide[0] = np.searchsorted(knots, 0.0, side="left")
     rows.flags.writeable = guide.flags.writeable = False
-    return PiecewiseTransfer(rows, guide, float(_lowest_visible(rows, guide)))
+    depths = OPACITY_SPACINGS * _extinctions_at(rows, np.arange(GUIDE_SIZE + 1) / GUIDE_SIZE)
+    opacities = (-np.expm1(-depths)).astype(np.float32)
+    return PiecewiseTransfer(rows, guide, float(_lowest_visible(rows, guide)), opacities)
+
+
+def _extinctions_at(rows: Float32, scalars: Float64) -> Float64:
+    """Return the extinctions of normalized scalars, none below 0. rows: a member of PiecewiseTransfer."""
+    origins, lows, slopes = rows[np.searchsorted(rows[:, 0], scalars, side="right"), 1:4].astype(np.float64).T
+    return np.asarray(np.maximum(0.0, lows + (scalars - origins) * slopes))
 
 
 def _lowest_visible(rows: Float32, guide: Int32) -> np.float32:

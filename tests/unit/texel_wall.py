@@ -19,6 +19,7 @@ LINEAR = PiecewiseTransfer(
     np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32),
     np.zeros(GUIDE_SIZE, np.int32),
     -np.inf,
+    np.zeros(GUIDE_SIZE + 1, np.float32),
 )
 
 

@@ -77,7 +77,6 @@ def radiance_cells(layers: BrickLayers) -> RadianceCells | None:
 
 def _surface_cells(surface: SurfaceLight) -> SurfaceCells:
     return SurfaceCells(
-        flux=surface.flux,
         share=surface.spec.share,
         specular=surface.spec.specular,
         shininess=surface.spec.shininess,

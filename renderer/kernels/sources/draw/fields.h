@@ -151,7 +151,7 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
     }
     if constexpr (KIND == SURFACE) {
         Three gradient = gradient_at(texels, cell, shares);
-        const Floats rise = rise_of_opacity(field, table, scalars.scalar, gradient);
+        const Floats rise = rise_of_opacity(field, scalars.scalar, gradient);
         if (lighting.faces == nullptr && !any_of(found.visible & mask_of(rise != 0.0f))) {
             scatter(*lighting.radiance, texels_of(places), found.sample);
             return found;
@@ -373,10 +373,10 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
     if (!match(field.voxels.offsets, is_mean) || !is_consistent(field.voxels)) return false;
     bool is_lit = field.light.exists || field.is_lit, needs_numbers = field.is_labels || field.has_absent || field.has_colors;
     if (!have(field.voxels, is_lit, needs_numbers)) return false;
-    const auto& [rows, guide, lowest_visible] = field.pieces;
+    const auto& [rows, guide, lowest_visible, opacities] = field.pieces;
     int64_t num = rows.shape[0];
     if (num < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;
-    if (rows(num - 1, 0) < INFINITE) return false;
+    if (rows(num - 1, 0) < INFINITE || opacities.shape[0] != GUIDE_SIZE + 1) return false;
     for (int64_t bucket = 0; bucket < GUIDE_SIZE; bucket++)
         if (guide[bucket] < 0 || guide[bucket] >= num) return false;
     if (field.mask.exists && !(field.mask.value.grid.planes.size() > 0 && match(field.mask.value.are_cut, is_mean)))

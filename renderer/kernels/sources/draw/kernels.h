@@ -288,8 +288,6 @@ struct Field {
 
 // The light on surfaces, as in SurfaceLight (renderer/lighting/scene_light.py).
 struct SurfaceCells {
-    // [z, y, x, 12]: the flux along x (r, g, b), y and z at the middles of cells, and three numbers more.
-    Sized<const float, 4, 12> flux;
     // The share of light that a surface reflects, from 0 to 1; the remainder is scattered.
     float share;
     // The coefficient and the exponent of highlights.
@@ -304,8 +302,8 @@ struct SurfaceCells {
 // The mean radiance in matter that scatters light, on a grid over all layers (renderer/lighting/scene_light.py).
 struct RadianceCells {
     // [z, y, x, 4]: the mean radiance (r, g, b) at the middles of cells, and the share of the key light that arrives
-    // straight.
-    Sized<const float, 4, 4> cells;
+    // straight. With surfaces [z, y, x, 16]: then the flux along x (r, g, b), y and z, and three numbers more.
+    Array<const float, 4> cells;
     // The light on surfaces; None if no surface reflects light. Otherwise fields have a light of the viewer, for their
     // gradients.
     Maybe<SurfaceCells> surface;

@@ -2,6 +2,9 @@
 #pragma once
 #include "draw/sample.h"
 
+// The number of numbers of a cell with flux.
+constexpr int NUMBERS_WITH_FLUX = 16;
+
 // The grid of mean radiance, as it lies in a brick.
 struct BrickRadiance {
     // The grid; null if matter does not scatter light.
@@ -53,8 +56,8 @@ INLINE RadiancePlace place_in(const BrickRadiance& radiance, const Three& texel)
     return found;
 }
 
-// Interpolate four numbers of cells, from number `first` on. cells: [z, y, x, numbers].
-INLINE Four<Floats> look_up(const Array<const float, 4>& cells, const RadiancePlace& place, int64_t first) {
+// Interpolate the first four numbers of cells.
+INLINE Four<Floats> look_up(const Array<const float, 4>& cells, const RadiancePlace& place) {
     const Array<const float, 1> numbers = {cells.data, {cells.size()}};
     const int64_t num = cells.shape[3], row = num * cells.shape[2], plane = row * cells.shape[1];
     const Ints at = place.at * (int32_t)num;
@@ -62,12 +65,51 @@ INLINE Four<Floats> look_up(const Array<const float, 4>& cells, const RadiancePl
         return mix(place.shares[0], load_four(rest_of(numbers, from), at), load_four(rest_of(numbers, from + num), at));
     };
     auto face = [&](int64_t from) { return mix(place.shares[1], along_x(from), along_x(from + row)); };
-    return mix(place.shares[2], face(first), face(first + plane));
+    return mix(place.shares[2], face(0), face(plane));
+}
+
+// The numbers of cells at samples, four after four.
+struct ManyNumbers {
+    Four<Floats> fours[NUMBERS_WITH_FLUX / 4];
+};
+
+// Interpolate all numbers of cells that have NUMBERS_WITH_FLUX of them. Each sample is a sum of eight rows, and the sums are
+// transposed. With `look_up` for each four numbers, which transposes eight times as much, a frame takes 1.9 times as long.
+INLINE ManyNumbers look_up_all(const Array<const float, 4>& cells, const RadiancePlace& place) {
+    using Row = Vector<float, NUMBERS_WITH_FLUX>;
+    const Array<const float, 1> numbers = {cells.data, {cells.size()}};
+    const int64_t row = NUMBERS_WITH_FLUX * cells.shape[2], plane = row * cells.shape[1];
+    const Ints at = place.at * NUMBERS_WITH_FLUX;
+    const auto& [x, y, z] = place.shares;
+    const Floats both = y * z, of_edges[] = {1.0f - y - (z - both), y - both, z - both, both};
+    float weights[8][LANES], sums[LANES][NUMBERS_WITH_FLUX];
+#pragma clang loop unroll(full)
+    for (int edge = 0; edge < 4; edge++) {
+        const Floats of_next = x * of_edges[edge];
+        store(&weights[2 * edge][0], 0, of_edges[edge] - of_next);
+        store(&weights[2 * edge + 1][0], 0, of_next);
+    }
+#pragma clang loop unroll(full)
+    for (int lane = 0; lane < LANES; lane++) {
+        const int64_t first = address(at, lane);
+        Row sum = {};
+#pragma clang loop unroll(full)
+        for (int corner = 0; corner < 8; corner++) {
+            const int64_t from = first + (corner & 1) * NUMBERS_WITH_FLUX + (corner >> 1 & 1) * row + (corner >> 2) * plane;
+            sum = fused((Row)weights[corner][lane], load<Row>(numbers, from), sum);
+        }
+        store(&sums[lane][0], 0, sum);
+    }
+    ManyNumbers found;
+#pragma clang loop unroll(full)
+    for (int four = 0; four < NUMBERS_WITH_FLUX / 4; four++)
+        found.fours[four] = columns_of([&](int lane) { return load<Vector<float, 4>>(&sums[lane][0], 4 * four); });
+    return found;
 }
 
 // Multiply the colours of samples by the mean radiance at places in the brick. texel: the places, in texels.
 INLINE void scatter(const BrickRadiance& radiance, const Three& texel, Sample& sample) {
-    auto [red, green, blue, unused] = look_up(radiance.grid->cells, place_in(radiance, texel), 0);
+    auto [red, green, blue, unused] = look_up(radiance.grid->cells, place_in(radiance, texel));
     sample.r *= red, sample.g *= green, sample.b *= blue;
 }
 
@@ -76,7 +118,5 @@ inline bool is_complete(const RadianceCells& radiance) {
     const auto& shape = radiance.cells.shape;
     for (int axis = 0; axis < 3; axis++)
         if (shape[axis] < 2 || shape[axis] > 512) return false;
-    if (!radiance.surface.exists) return true;
-    const auto& flux = radiance.surface.value.flux.shape;
-    return flux[0] == shape[0] && flux[1] == shape[1] && flux[2] == shape[2];
+    return shape[3] == (radiance.surface.exists ? NUMBERS_WITH_FLUX : 4);
 }

@@ -16,11 +16,8 @@
 // The factor on the gradient of the smoothed opacities of labels, over the finest spacing. It is 5/16 beside a flat border
 // between nothing and an opaque label.
 constexpr float LABEL_GAIN = 3.2f;
-// The length, in finest spacings, whose opacity tells surfaces. Matter that is opaque over a few voxels looks like a
-// surface.
+// The length, in finest spacings, whose opacity tells surfaces, as in renderer/transfer/piecewise.py.
 constexpr float OPACITY_SPACINGS = 4.0f;
-// The largest scalar that is classified, in texels, so that it is below the end of the last piece of transfer functions.
-constexpr float LARGEST_TEXEL = 1e30f;
 
 // The light that surfaces reflect, one in each lane.
 struct Reflected {
@@ -43,8 +40,8 @@ struct SurfacePoint {
     Three radiance;
     // The mean radiance, without the key light that arrives straight.
     Three scattered;
-    // The flux along x (r, g, b), y and z, and three numbers more.
-    Four<Floats> flux[3];
+    // The numbers of cells: the mean radiance, the share of the key light, and the flux along x (r, g, b), y and z.
+    ManyNumbers numbers;
     // The share of the key light that arrives straight.
     Floats key_share;
     // The reflectance of surfaces of the sample's albedo.
@@ -53,8 +50,8 @@ struct SurfacePoint {
     Three halfway;
 
     INLINE Floats flux_of(int axis, int channel) const {
-        const int number = 3 * axis + channel;
-        const auto& [a, b, c, d] = flux[number / 4];
+        const int number = 4 + 3 * axis + channel;
+        const auto& [a, b, c, d] = numbers.fours[number / 4];
         return number % 4 == 0 ? a : number % 4 == 1 ? b : number % 4 == 2 ? c : d;
     }
 
@@ -71,9 +68,10 @@ struct SurfacePoint {
         auto along = [&](const float (&way)[3]) { return fma(normal.x, way[0], fma(normal.y, way[1], normal.z * way[2])); };
         const Floats to_key = max_of(zero, along(cells.key));
         Floats shine = zero;
-        if (cells.specular > 0.0f) {
+        const Mask is_lit = mask_of(to_key > 0.0f);
+        if (cells.specular > 0.0f && any_of(is_lit)) {
             shine = power(max_of(zero, dot(normal, halfway)), cells.shininess) * cells.specular;
-            shine = where(mask_of(to_key > 0.0f), shine * key_share, zero);
+            shine = where(is_lit, shine * key_share, zero);
         }
         const Floats share = where(is_steep, cells.share * change, zero), of_key = key_share * to_key;
         auto shown = [&](int channel, Floats around, Floats factor) {
@@ -106,8 +104,8 @@ INLINE Floats surface_reflectance(Floats albedo) {
 INLINE SurfacePoint surface_point(const BrickRadiance& radiance, const Three& texel, const Sample& sample,
                                   const Three& to_viewer) {
     const SurfaceCells& cells = radiance.grid->surface.value;
-    const RadiancePlace place = place_in(radiance, texel);
-    const auto [red, green, blue, share] = look_up(radiance.grid->cells, place, 0);
+    const ManyNumbers numbers = look_up_all(radiance.grid->cells, place_in(radiance, texel));
+    const auto& [red, green, blue, share] = numbers.fours[0];
     auto rest = [&](Floats all, int channel) { return fma(share, -0.25f * cells.key_light[channel], all); };
     Three halfway = {to_viewer.x + cells.key[0], to_viewer.y + cells.key[1], to_viewer.z + cells.key[2]};
     const Floats length = root(dot(halfway, halfway));
@@ -115,19 +113,21 @@ INLINE SurfacePoint surface_point(const BrickRadiance& radiance, const Three& te
     halfway = {halfway.x * scale, halfway.y * scale, halfway.z * scale};
     return {
         cells, {red, green, blue}, {rest(red, 0), rest(green, 1), rest(blue, 2)},
-        {look_up(cells.flux, place, 0), look_up(cells.flux, place, 4), look_up(cells.flux, place, 8)}, share,
+        numbers, share,
         {surface_reflectance(sample.r), surface_reflectance(sample.g), surface_reflectance(sample.b)}, halfway,
     };
 }
 
 // Return the change of opacity at samples of a field along the gradient; below 0 if opacity falls with the scalar.
-INLINE Floats rise_of_opacity(const Field& field, const LaneTable& table, Floats scalar, const Three& gradient) {
+INLINE Floats rise_of_opacity(const Field& field, Floats scalar, const Three& gradient) {
     const Floats change = root(dot(gradient, gradient)) * field.light.value.change_per_length;
-    const Floats one = in_all<Floats>(1.0f), largest = in_all<Floats>(LARGEST_TEXEL);
-    if (field.is_labels) return min_of(one, LABEL_GAIN * change);
+    if (field.is_labels) return min_of(in_all<Floats>(1.0f), LABEL_GAIN * change);
     auto opacity_at = [&](Floats at) {
-        Floats tau = classify(table, min_of(max_of(at, -largest), largest)).tau;
-        return opacity_of_depth(max_of(in_all<Floats>(0.0f), OPACITY_SPACINGS * tau));
+        const Floats place = min_of(max_of(in_all<Floats>(0.0f), at * (float)GUIDE_SIZE), in_all<Floats>((float)GUIDE_SIZE));
+        const Ints low = min_of(to_int32(place), in_all<Ints>(GUIDE_SIZE - 1));
+        Floats one, next;
+        load_pairs(field.pieces.opacities, low, one, next);
+        return lerp(place - to_float32(low), one, next);
     };
     return opacity_at(scalar + change) - opacity_at(scalar - change);
 }

@@ -86,4 +86,7 @@ struct PiecewiseTransfer {
     Array<const int32_t, 1> guide;
     // The normalized scalar u below which no scalar is visible.
     float lowest_visible;
+    // [GUIDE_SIZE + 1]: the opacities over OPACITY_SPACINGS of the finest voxel spacing, at u = k / GUIDE_SIZE. They
+    // tell surfaces.
+    Array<const float, 1> opacities;
 };
