@@ -49,6 +49,8 @@ _SCENE_SUFFIXES = (".yaml", ".yml")
 _SIDECAR_SUFFIX = ".json"
 # The folder of all goldens, beside the scenes or the file of the project.
 _GOLDENS = "goldens"
+# The error of a place that is not there.
+NO_SCENE = "no such scene or folder"
 # The paths that golden.yaml may name, for messages.
 _BELOW = f"a path below the folder of {PROJECT_FILE}"
 
@@ -312,7 +314,7 @@ def _scene(file: Path, root: Path, goldens: Path, rules: SceneRules) -> GoldenSc
 
 def _require_scene_name(path: Path) -> None:
     if not path.exists():
-        raise missing_file_error(path, "no such scene or folder")
+        raise missing_file_error(path, NO_SCENE)
     if path.suffix.lower() in (*_SCENE_SUFFIXES, _SIDECAR_SUFFIX) and not path.name.startswith("golden."):
         return
     got = f"a {path.suffix} file" if path.suffix else "no suffix"

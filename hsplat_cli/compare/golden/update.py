@@ -143,6 +143,8 @@ def plan_update(
     numbers = _frames(scene, options, before, job)
     names = {golden_file_name(frame, job.scene.num_frames) for frame in numbers} | (before.files if before else set())
     scene.folder.require_changeable(names, job.input_files())
+    if before is not None and options.replaces and not options.prunes:
+        _note_left(scene.name, before.by_frame.keys() - {*numbers}, job, reporter)
     drawing = _Drawing(
         scene, options, before, limit_of(scene, before, job), job.scene.num_frames,
         drawings.enter_context(drawn_frames(job, numbers, reporter)),
@@ -153,6 +155,14 @@ def plan_update(
     rows = [*drawing.rows(after, contents.keys())]
     lines = [*drawing.lines(after, rows), *drawing.neighbour_lines()]
     return GoldenUpdate(scene.folder, before, after, contents, lines, asks=any(text != _NEW for _, text in rows))
+
+
+def _note_left(name: str, left: Set[int], job: FilmJob, reporter: Reporter) -> None:
+    """Note the goldens that an update leaves as they are. left: the numbers of their frames."""
+    if left:
+        why = "were not drawn" if left & {*job.frames} else "the film does not have any more"
+        numbers = first_few(sorted(left))
+        reporter.note(f"{name}: goldens of frames that {why} stay: {numbers}; --prune removes them")
 
 
 def plan_removals(unused: Sequence[GoldenFolder], options: GoldenOptions, reporter: Reporter) -> list[GoldenUpdate]:
