@@ -80,7 +80,7 @@ def golden(
             updates = plan_acceptance(reports, project, parse_decisions(only), also=also)
         else:
             wanted = GoldenOptions(frames, replaces=update, also=also, prunes=prune)
-            drawn = scenes_to_draw(project.scenes, wanted, reporter)
+            drawn = scenes_to_draw(project, wanted, reporter)
             planned = [plan_update(each, wanted, reporter, sources) for each in drawn]
             updates = [each for each in planned if each is not None]
             updates += plan_removals(project.unused, wanted, reporter)
