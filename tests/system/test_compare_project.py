@@ -216,7 +216,8 @@ def test_what_cannot_be_compared_has_the_code_2(spoil: str, capsys: pytest.Captu
         "no record": "golden.json does not list all goldens in this folder",
         "damaged": "restore it by `git checkout -- scenes/goldens/engine/frame-0002.png`, or draw it again by `hsplat",
         "no scene": "scenes/goldens/engine: no scene has these goldens; hint: restore the scene; if it was renamed, "
-        "`git mv scenes/goldens/engine scenes/goldens/NEW_NAME`; or remove the folder: `git rm -r scenes/goldens/engine`, or `hsplat golden scenes --update --prune`",
+        "`git mv scenes/goldens/engine scenes/goldens/NEW_NAME`; or remove the folder: "
+        "`git rm -r scenes/goldens/engine`, or `hsplat golden scenes --update --prune`",
         "a bad scene": "camera.path.frames",
     }[spoil]
     if spoil == "no goldens":
