@@ -71,8 +71,9 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     try:
         decisions = parse_decisions(only)
         with open_reports(report) as reports:
-            updates = plan_acceptance(reports, find_project(_places(config)), decisions)
-            update_goldens(updates, Reporter(is_quiet=True), lambda: True, yes=True)
+            reporter = Reporter(is_quiet=True)
+            updates = plan_acceptance(reports, find_project(_places(config)), decisions, reporter)
+            update_goldens(updates, reporter, lambda: True, yes=True)
     except HsplatError as error:
         raise pytest.UsageError(str(error)) from None
     config.stash[_ACCEPTED] = [line for update in updates for line in update.lines]
