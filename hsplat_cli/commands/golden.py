@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import os
+import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -72,15 +75,17 @@ def golden(
         update_goldens,
     )
 
+    if only:
+        _require_places(scenes)
     rules = parse_rules(frames, limit, "digests" if digests else None)
     project = find_project(scenes, goldens, rules)
     with contextlib.ExitStack() as sources:
         if report is not None:
             reports = sources.enter_context(open_reports(report))
-            updates = plan_acceptance(reports, project, parse_decisions(only), also=also)
+            updates = plan_acceptance(reports, project, parse_decisions(only), reporter, also=also)
         else:
             wanted = GoldenOptions(frames, replaces=update, also=also, prunes=prune)
-            drawn = scenes_to_draw(project.scenes, wanted, reporter)
+            drawn = scenes_to_draw(project, wanted, reporter)
             planned = [plan_update(each, wanted, reporter, sources) for each in drawn]
             updates = [each for each in planned if each is not None]
             updates += plan_removals(project.unused, wanted, reporter)
@@ -101,6 +106,14 @@ def _require_together(given: set[str]) -> None:
     for option in ("--update", "--frames", "--limit"):
         if {option, "--accept"} <= given:
             raise InputError("of no use with --accept, which draws nothing", where=option)
+
+
+def _require_places(scenes: Sequence[str]) -> None:
+    """Raise InputError for a word after `--only` that is no scene: it may be a second film."""
+    for place in scenes:
+        if not os.path.exists(place) and not glob.has_magic(place):
+            hint = f"if it is a film of the report, repeat --only: `--only {shlex.quote(place)}`"
+            raise InputError("no such scene or folder", where=place, hint=hint)
 
 
 def _confirm(reporter: Reporter) -> bool:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from hsplat_cli.compare.golden.record import GOLDEN_RECORD_FILE
 from hsplat_cli.compare.outcome import MOST_CHANGES, Change, ComparedFilm, ComparedFrame, Comparison
 from renderer.accuracy import MOST_DB
 from renderer.scene import counted
@@ -64,13 +65,19 @@ def _add_suite(root: Element, film: ComparedFilm) -> None:
 class _Finding:
     """The place at which a film that does not pass is reported.
 
-    line: the line in the file of its scene, at least 1. keys: the keys that changed there.
+    line: the line in the file, at least 1. keys: the keys that changed there.
     """
 
     film: ComparedFilm
     line: int
     keys: Sequence[str]
     text: str
+
+    @property
+    def file(self) -> str:
+        """Return the file of the scene, or the golden.json of goldens without a scene; empty for pictures."""
+        golden_json = f"{self.film.goldens}/{GOLDEN_RECORD_FILE}" if self.film.goldens else ""
+        return self.film.scene or golden_json
 
 
 def code_quality(comparison: Comparison) -> str:
@@ -80,7 +87,7 @@ def code_quality(comparison: Comparison) -> str:
     """
     issues = []
     for finding in _findings(comparison):
-        if not finding.film.scene:
+        if not finding.file:
             continue  # an issue needs a file
         subject = json.dumps([finding.film.name, *finding.keys])
         issues.append(
@@ -89,7 +96,7 @@ def code_quality(comparison: Comparison) -> str:
                 "check_name": "hsplat compare",
                 "fingerprint": hashlib.blake2b(subject.encode(), digest_size=16).hexdigest(),
                 "severity": "major",
-                "location": {"path": _in_repository(finding.film.scene), "lines": {"begin": finding.line}},
+                "location": {"path": _in_repository(finding.file), "lines": {"begin": finding.line}},
             }
         )
     return f"{json.dumps(issues, indent=2)}\n"
@@ -103,8 +110,8 @@ def github_lines(comparison: Comparison) -> Iterator[str]:
     findings = _findings(comparison)
     shown = findings if len(findings) <= _MOST_ERRORS else findings[: _MOST_ERRORS - 1]
     for finding in shown:
-        scene, title = finding.film.scene, _property(f"golden film {finding.film.name}")
-        place = f"file={_property(_in_repository(scene))},line={finding.line}," if scene else ""
+        file, title = finding.file, _property(f"golden film {finding.film.name}")
+        place = f"file={_property(_in_repository(file))},line={finding.line}," if file else ""
         yield f"::error {place}title={title}::{_data(finding.text)}"
     if len(findings) > len(shown):
         more = counted(len(findings) - len(shown), "more change")

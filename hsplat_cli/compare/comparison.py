@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hsplat_cli.compare.file_pairs import compare_files, is_picture_set
-from hsplat_cli.compare.golden.project import SceneRules, find_project, unused_error
+from hsplat_cli.compare.golden.project import NO_SCENE, SceneRules, find_project, unused_error
 from hsplat_cli.compare.golden.scene_comparison import compare_scene, error_line, shown_place
 from hsplat_cli.compare.limit import SAME_BYTES
 from hsplat_cli.compare.outcome import ComparedFilm, Comparison
@@ -15,6 +16,7 @@ from hsplat_cli.compare.report_folder import PictureStore, open_report, write_re
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError
+from renderer.scene import missing_file_error
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,10 @@ def _pictures(request: ComparisonRequest) -> tuple[Path, Path] | None:
     pictures = [place for place in request.places if is_picture_set(place)]
     if not pictures:
         return None
+    is_pair = len(pictures) == len(request.places) == 2
+    lost = [Path(each) for each in pictures if "{" not in each and not os.path.exists(each)]
+    if lost and not is_pair:
+        raise missing_file_error(lost[0], NO_SCENE)
     if len(pictures) < len(request.places):
         raise InputError(
             "scenes are not compared with pictures",
@@ -64,7 +70,7 @@ def _pictures(request: ComparisonRequest) -> tuple[Path, Path] | None:
             expected="scenes, or two sets of pictures",
             hint=f"`--goldens {pictures[-1]}` names the folder of all goldens",
         )
-    if len(pictures) != 2:
+    if not is_pair:
         raise InputError(
             "pictures are compared in pairs", got=" and ".join(pictures), expected="GOLDEN and ACTUAL, or scenes"
         )

@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shlex
 import urllib.parse
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 # The most characters of a part of a report's path, but for a digest.
 _MOST_CHARACTERS = 100
+# The options whose values are paths.
+_OPTIONS_OF_PATHS = ("--golden-report", "--golden-accept")
 _ACCEPTED = pytest.StashKey[list[str]]()
 
 
@@ -39,6 +43,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addini("golden_scenes", "scenes with goldens, folders, or a golden.yaml (the default)", type="paths")
 
 
+def pytest_load_initial_conftests(early_config: pytest.Config, args: list[str]) -> None:
+    """Refuse the path of a report as a word of its own, where it lies outside of the current folder.
+
+    pytest does not know the option yet when it looks for pytest.ini, and takes the path for one of tests.
+    """
+    here = early_config.invocation_params.dir.resolve()
+    for option, value in pairwise(args):
+        if option in _OPTIONS_OF_PATHS and here not in (here / value).resolve().parents:
+            raise pytest.UsageError(
+                f"{option} {value}: pytest would look for pytest.ini there\n  hint: write {option}={shlex.quote(value)}"
+            )
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Accept the pictures of a report, if an option asks for it, once for all processes that run tests."""
     config = session.config
@@ -54,8 +71,9 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     try:
         decisions = parse_decisions(only)
         with open_reports(report) as reports:
-            updates = plan_acceptance(reports, find_project(_places(config)), decisions)
-            update_goldens(updates, Reporter(is_quiet=True), lambda: True, yes=True)
+            reporter = Reporter(is_quiet=True)
+            updates = plan_acceptance(reports, find_project(_places(config)), decisions, reporter)
+            update_goldens(updates, reporter, lambda: True, yes=True)
     except HsplatError as error:
         raise pytest.UsageError(str(error)) from None
     config.stash[_ACCEPTED] = [line for update in updates for line in update.lines]

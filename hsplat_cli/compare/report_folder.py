@@ -25,7 +25,7 @@ from hsplat_cli.compare.golden.record import picture_digest
 from hsplat_cli.compare.outcome import REPORT, ComparedFilm, Comparison, ReportPicture
 from renderer.errors import InputError
 from renderer.film import Pixels, encode_png, folder_files, translate_os_errors
-from renderer.scene import read_json_object
+from renderer.scene import first_few, read_json_object
 
 REPORT_FILE = "report.json"
 PAGE_FILE = "index.html"
@@ -134,16 +134,16 @@ def _require_replaceable(path: Path, inputs: Iterable[Path]) -> None:
         got = "a file"
     elif inside is not None:
         got = f"a folder with {inside}, which is read"
-    elif not _is_report(path) and any(folder_files(path)):
-        got = "a folder with other files"
+    elif others := _other_files(path):
+        got = f"a folder with other files: {first_few(others)}"
     else:
         return
     raise InputError("a report cannot replace this", where=f"--report {path}", got=got, expected="a new name")
 
 
-def _is_report(path: Path) -> bool:
-    """Return whether a folder is an earlier report, without any other files."""
-    if not {each.name for each in folder_files(path)} <= FILES | {_PICTURES}:
-        return False
+def _other_files(path: Path) -> list[str]:
+    """Return the names in a folder that no earlier report has; all names, if there is no report."""
+    names = sorted(each.name for each in folder_files(path))
     data = read_json_object(path / REPORT_FILE, REPORT.max_bytes) or {}
-    return str(data.get("format")).startswith("hsplat comparison")
+    is_report = str(data.get("format")).startswith("hsplat comparison")
+    return [name for name in names if not is_report or name not in FILES | {_PICTURES}]

@@ -177,6 +177,12 @@ def test_another_scene(capsys: pytest.CaptureFixture[str]) -> None:
     assert accept("box") == 0, "the other scene is as it was"
 
 
+def test_another_scene_whose_pictures_were_accepted(capsys: pytest.CaptureFixture[str]) -> None:
+    assert accept("engine") == 0
+    edit_scene("tolerance: 0.1", "tolerance: 0.2")
+    assert "changed since the pictures were drawn" in refused(capsys, "engine")
+
+
 def test_another_name_of_the_film_is_no_other_scene() -> None:
     """Nor are comments and the layout of the file."""
     edit_scene("engine.mp4", "other.mp4\n  # a comment")
@@ -319,6 +325,7 @@ def test_a_report_that_is_none(content: bytes, capsys: pytest.CaptureFixture[str
     [
         ("engin", "did you mean engine?"),
         ("nosuch", "expected: box, engine"),
+        ("engine,box", "repeat --only for each film"),
         ("", "--only: an empty name"),
         ("engine:9", "these frames do not fail in this report"),
         ("engine:", "not frames of a film"),
@@ -330,6 +337,26 @@ def test_a_report_that_is_none(content: bytes, capsys: pytest.CaptureFixture[str
 )
 def test_wishes_that_a_report_cannot_meet(only: str, error: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert error in refused(capsys, only)
+
+
+def test_a_word_after_only_may_be_a_second_film(capsys: pytest.CaptureFixture[str]) -> None:
+    assert golden("scenes", "--accept", "report", "--only", "engine", "box:1-2") == 2
+    assert (
+        "box:1-2: no such scene or folder\n  hint: if it is a film of the report, repeat --only: `--only box:1-2`"
+        in (capsys.readouterr().err)
+    )
+
+
+def test_films_without_goldens_are_left_out_and_named(capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copy("scenes/engine.yaml", "scenes/new.yaml")
+    assert compare("scenes", "--report", "report") == 2
+    assert main.run(["golden", "scenes", "--accept", "report"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert (
+        "note: left out, as they could not be compared: new; `hsplat golden` draws the first goldens of a scene"
+        in lines
+    )
+    assert "engine: 4 frames accepted" in lines
 
 
 def test_a_film_that_passes_is_not_accepted(capsys: pytest.CaptureFixture[str]) -> None:

@@ -215,7 +215,8 @@ def test_what_cannot_be_compared_has_the_code_2(spoil: str, capsys: pytest.Captu
         "no goldens": "this scene has no goldens",
         "no record": "golden.json does not list all goldens in this folder",
         "damaged": "restore it by `git checkout -- scenes/goldens/engine/frame-0002.png`, or draw it again by `hsplat",
-        "no scene": "scenes/goldens/engine: no scene has these goldens; hint: restore the scene, or remove the folder: "
+        "no scene": "scenes/goldens/engine: no scene has these goldens; hint: restore the scene; if it was renamed, "
+        "`git mv scenes/goldens/engine scenes/goldens/NEW_NAME`; or remove the folder: "
         "`git rm -r scenes/goldens/engine`, or `hsplat golden scenes --update --prune`",
         "a bad scene": "camera.path.frames",
     }[spoil]
@@ -235,7 +236,50 @@ def test_what_cannot_be_compared_has_the_code_2(spoil: str, capsys: pytest.Captu
     assert error in capsys.readouterr().out
     root = ElementTree.parse("report/junit.xml").getroot()
     assert [suite.get("errors") for suite in root] == ["1", "0"]
+    (issue,) = json.loads(Path("report/code-quality.json").read_bytes())
+    place = "scenes/goldens/engine/golden.json" if spoil == "no scene" else "scenes/engine.yaml"
+    assert issue["location"]["path"] == place
     assert [path.name for path in Path("report").glob("films/*")] == [], "no picture is left"
+
+
+def test_goldens_of_a_renamed_scene_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("scenes/engine.yaml").rename("scenes/motor.yaml")
+    assert compare() == 2
+    move = "git mv scenes/goldens/engine scenes/goldens/motor"
+    text = capsys.readouterr().out
+    assert "scenes/motor.yaml: this scene has no goldens; expected: scenes/goldens/motor; hint: if " in text
+    assert f"`{move}`" in text
+    before = files()
+    for options in ((), ("--update", "--yes")):
+        assert golden("scenes", *options) == 2
+        error = capsys.readouterr().err
+        assert "scenes/motor.yaml: goldens in another place may be this scene's" in error
+        assert f"hint: `{move}` keeps them, `git rm -r scenes/goldens/engine` removes them" in error
+    assert files() == before
+    ENGINE.rename("scenes/goldens/motor")
+    assert compare() == 0
+    Path("scenes/goldens/motor").rename(ENGINE)
+    assert golden("scenes", "--update", "--prune", "--yes") == 0, "they are removed, and others drawn"
+    assert compare() == 0
+
+
+def test_goldens_in_the_place_without_a_golden_yaml_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """A second set, which nobody has looked at, would be drawn otherwise; nor does `--prune` draw one."""
+    Path("golden.yaml").write_text("scenes: [scenes/*.yaml]\n", "utf-8")
+    assert main.run(["compare"]) == 2
+    moves = [f"git mv scenes/goldens/{name} goldens/scenes/{name}" for name in ("box", "engine")]
+    text = capsys.readouterr().out
+    for move in moves:
+        assert f"`mkdir -p goldens/scenes && {move}`" in text
+    assert golden() == golden("--update", "--prune", "--yes") == 2
+    assert f"got: {Path('scenes/goldens/box')}" in capsys.readouterr().err
+    Path("goldens").mkdir()
+    Path("scenes/goldens").rename("goldens/scenes")
+    assert main.run(["compare", "--quiet"]) == 0
+    Path("golden.yaml").unlink()
+    assert golden("scenes") == 2, "the other way round"
+    assert f"got: {Path('goldens/scenes/box')}" in capsys.readouterr().err
+    assert golden("scenes", "--goldens", "second") == 0, "an option says so"
 
 
 def test_an_error_of_the_command_leaves_no_report() -> None:

@@ -240,6 +240,20 @@ def test_a_shorter_film(capsys: pytest.CaptureFixture[str]) -> None:
     assert list(frames()) == [0, 1]
 
 
+def test_goldens_that_an_update_leaves_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["golden", *UPDATE, "--frames", "1"]) == 0
+    note = "note: engine: goldens of frames that were not drawn stay: 0, 2, 3; --prune removes them"
+    assert capsys.readouterr().out.splitlines() == [note, "nothing changes"]
+    edit_scene("frames: 4", "frames: 2")
+    edit_scene()
+    assert main.run(["golden", *UPDATE]) == 0
+    note = "note: engine: goldens of frames that the film does not have any more stay: 2, 3; --prune removes them"
+    assert capsys.readouterr().out.splitlines()[0] == note
+    assert main.run(["golden", *UPDATE, "--prune"]) == 0
+    assert main.run(["golden", *UPDATE]) == 0
+    assert "stay" not in capsys.readouterr().out
+
+
 def test_a_golden_without_a_file_is_drawn_again() -> None:
     before = files()
     (ENGINE / NAMES[3]).unlink()

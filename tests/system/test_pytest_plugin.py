@@ -211,6 +211,25 @@ def test_pictures_of_a_report_are_accepted(scenes: Path) -> None:
     assert "goldens: scenes/engine: 2 frames accepted" in printed
 
 
+@pytest.mark.parametrize("option", ["--golden-report", "--golden-accept"])
+def test_a_path_outside_of_the_folder_needs_an_equals_sign(scenes: Path, option: str) -> None:
+    """pytest takes it for a path of tests otherwise, and looks for pytest.ini there."""
+    edit_scene()
+    inside = scenes / "inside"
+    inside.mkdir()
+    for name in ("scenes", "all", "golden.yaml", "test_scenes.py"):
+        (scenes / name).rename(inside / name)
+    (inside / "pytest.ini").write_text("[pytest]\n", "utf-8")
+    assert run_pytest(inside, "--golden-report=../my report")[0] == 1
+    code, printed = run_pytest(inside, option, "../my report")
+    assert code == 4
+    assert f"{option} ../my report: pytest would look for pytest.ini there" in printed
+    assert f"hint: write {option}='../my report'" in printed
+    code, printed = run_pytest(inside, f"{option}=../my report")
+    assert code == (0 if option == "--golden-accept" else 1) and "configfile: pytest.ini" in printed, printed
+    assert outcomes(printed).keys() == {"test_golden[scenes/box]", "test_golden[scenes/engine]"}
+
+
 def test_why_nothing_is_accepted(scenes: Path) -> None:
     edit_scene()
     assert run_pytest(scenes, "--golden-report", "out")[0] == 1

@@ -11,6 +11,7 @@ from motion_page import MOTION_PAGE, motion_page
 from pixels_page import CROPS, PAGE as PIXELS_PAGE
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
+from renderer.accuracy import look_at_scene
 from renderer.scene import FORMATS, load_scene, scene_to_dict
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,6 +87,12 @@ def test_every_line_of_an_example_may_stand_in_the_scene(page: str, tmp_path: Pa
         assert line in text and text != scene, line
         (tmp_path / "scene.yaml").write_text(text, "utf-8")
         load_scene(tmp_path / "scene.yaml")
+
+
+def test_the_scene_of_the_readme_shows_something(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text(_scene_in("README.md"), "utf-8")
+    scene = load_scene(tmp_path / "scene.yaml", overrides=["volume.procedural.shape=[64, 64, 32]"])
+    assert look_at_scene(scene, [0], num_threads=1) == []
 
 
 def test_the_readme_has_one_scene() -> None:

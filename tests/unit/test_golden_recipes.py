@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +59,21 @@ def test_the_report_that_is_accepted_is_the_one_that_was_kept() -> None:
     given = " ".join(str(step.get("with", {})) + str(step.get("env", {})) for step in steps)
     (inputs,) = [value["workflow_dispatch"]["inputs"] for value in RECIPES["accept-goldens.yml"].values() if _is(value)]
     assert set(re.findall(r"inputs\.(\w+)", given)) == inputs.keys()
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_a_commit_is_made_only_of_changes(folder: Path, code: int) -> None:
+    """Else accepting twice would fail. code: of `git diff --quiet`, which is 1 where something is staged."""
+    (script,) = [step["run"] for step in steps_of("accept-goldens.yml") if "run" in step]
+    git = folder / "git"
+    git.write_text(
+        f"#!/bin/sh\necho $1 >> did\ncase $1 in diff) exit {code};; commit) exit {1 - code};; esac\n", "utf-8"
+    )
+    git.chmod(0o755)
+    path = os.pathsep.join([str(folder), os.environ["PATH"]])
+    subprocess.run(["bash", "-e", "-c", script], check=True, env={**os.environ, "RUN": "1", "PATH": path})
+    did = Path("did").read_text("utf-8").split()
+    assert did[2:] == ["add", "diff", *(["commit"] if code else []), "push"]
 
 
 def _is(value: object) -> bool:

@@ -18,6 +18,7 @@ from hsplat_cli.compare.outcome import ComparedFilm, ComparedFrame, ReportPictur
 from hsplat_cli.compare.picture_file import decode_picture
 from hsplat_cli.compare.report_source import ReportSource, read_report, read_report_picture
 from hsplat_cli.scenes import SceneRequest
+from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError
 from renderer.job import FilmJob
 from renderer.scene import MAX_FRAMES, counted, did_you_mean, first_few
@@ -61,6 +62,7 @@ def plan_acceptance(
     sources: Sequence[ReportSource],
     project: GoldenProject,
     only: Mapping[str, frozenset[int] | None],
+    reporter: Reporter,
     *,
     also: bool = False,
 ) -> list[GoldenUpdate]:
@@ -69,8 +71,8 @@ def plan_acceptance(
     The reports must stay open until the plan has been carried out.
 
     only: the films that are accepted, by name, and their frames, as `parse_decisions` returns them; all that fail if
-    it is empty. also: whether the pictures
-    become further goldens beside those that they were compared with.
+    it is empty; films that could not be compared are then noted. also: whether the pictures become further goldens
+    beside those that they were compared with.
     Raises InputError if a scene, its volume or its goldens are not those that were compared, if a report was edited,
     if there is nothing to accept, or if the job compares. Frames that were accepted before are left out.
     """
@@ -85,14 +87,15 @@ def plan_acceptance(
     decisions = only or dict.fromkeys(failing)
     if not decisions:
         raise _nothing_fails([film for _, film in reported], where)
+    left_out = [film.name for _, film in reported if film.verdict == "not compared" and not only]
+    if left_out:
+        first = "`hsplat golden` draws the first goldens of a scene"
+        reporter.note(f"left out, as they could not be compared: {first_few(left_out)}; {first}")
     scenes = {scene.name: scene for scene in project.scenes}
     updates = []
     for name, frames in decisions.items():
         if name not in failing:
-            verdicts = [film.summary for _, film in reported if film.name == name]
-            hint = None if verdicts else did_you_mean(name, failing)
-            got, expected = ": ".join([name, *verdicts[:1]]), first_few([*failing])
-            raise InputError("no such film fails in this report", where=where, got=got, expected=expected, hint=hint)
+            raise _not_failing(name, [film for _, film in reported], [*failing], where)
         if name not in scenes:
             raise InputError(
                 "the project has no such scene",
@@ -106,6 +109,16 @@ def plan_acceptance(
         if update is not None:
             updates.append(update)
     return updates
+
+
+def _not_failing(name: str, films: Sequence[ComparedFilm], failing: Sequence[str], where: str) -> InputError:
+    """Return the error of a film that `--only` names, and that does not fail. failing: the names of films that do."""
+    verdicts = [film.summary for film in films if film.name == name]
+    got, expected = ": ".join([name, *verdicts[:1]]), first_few(failing)
+    hint = None if verdicts else did_you_mean(name, failing)
+    if "," in name and not verdicts:
+        hint = "repeat --only for each film: --only A --only B"
+    return InputError("no such film fails in this report", where=where, got=got, expected=expected, hint=hint)
 
 
 def _nothing_fails(films: Sequence[ComparedFilm], where: str) -> InputError:
@@ -138,6 +151,7 @@ class _ReportedFilm:
         failing = self._failing(numbers).items()
         frames = {number: frame for number, frame in failing if not self._is_accepted(goldens.get(number), frame)}
         if before is not None and not frames:
+            self._load_job()
             return None  # accepted before, perhaps by a command that was killed afterwards
         if before is None or not all(self._has_same_golden(goldens.get(each), frames[each]) for each in frames):
             raise InputError(
@@ -145,12 +159,9 @@ class _ReportedFilm:
                 where=str(folder.path),
                 hint="compare again, and accept from the new report",
             )
-        if self.film.origin is None:
-            raise InputError("this report does not say what drew the pictures", where=self._where)
-        job = load_golden_job(SceneRequest(self.scene.file))
-        _require_same_inputs(self.film.origin, job, self.scene.file)
+        job, origin = self._load_job()
         self._require_frames(frames, frozenset(job.frames))
-        merger = GoldenMerger(self.scene, before, self.film.origin, job.scene.num_frames, also=also)
+        merger = GoldenMerger(self.scene, before, origin, job.scene.num_frames, also=also)
         for number, frame in frames.items():
             if frame.new is None:
                 del merger.goldens[number]
@@ -171,6 +182,17 @@ class _ReportedFilm:
     @property
     def _where(self) -> str:
         return f"{self.source.path}: {self.film.name}"
+
+    def _load_job(self) -> tuple[FilmJob, Origin]:
+        """Return the job of the scene, and the origin of the report's pictures.
+
+        Raises InputError unless they are of the same scene and voxels.
+        """
+        if self.film.origin is None:
+            raise InputError("this report does not say what drew the pictures", where=self._where)
+        job = load_golden_job(SceneRequest(self.scene.file))
+        _require_same_inputs(self.film.origin, job, self.scene.file)
+        return job, self.film.origin
 
     def _failing(self, numbers: frozenset[int] | None) -> dict[int, ComparedFrame]:
         """Return the frames that are accepted. Raises InputError if the report has no pictures of them."""

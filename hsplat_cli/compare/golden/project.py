@@ -49,6 +49,8 @@ _SCENE_SUFFIXES = (".yaml", ".yml")
 _SIDECAR_SUFFIX = ".json"
 # The folder of all goldens, beside the scenes or the file of the project.
 _GOLDENS = "goldens"
+# The error of a place that is not there.
+NO_SCENE = "no such scene or folder"
 # The paths that golden.yaml may name, for messages.
 _BELOW = f"a path below the folder of {PROJECT_FILE}"
 
@@ -81,12 +83,27 @@ class SceneRules:
 
 @dataclass(frozen=True)
 class GoldenScene:
-    """A scene of a project. name: the path of the scene in the project, without a suffix. file: the scene's file."""
+    """A scene of a project.
+
+    name: the path of the scene in the project, without a suffix. file: the scene's file. former: where there is no
+    golden.json in the folder, the folder of goldens that may be this scene's, because it was renamed, or because a
+    golden.yaml was added or removed.
+    """
 
     name: str
     file: Path
     folder: GoldenFolder
     rules: SceneRules
+    former: GoldenFolder | None = None
+
+    @property
+    def move_command(self) -> str:
+        """Return the command that moves the former goldens to their folder now; an empty text without any."""
+        if self.former is None:
+            return ""
+        path = self.folder.path
+        make = [] if path.parent.is_dir() else [shlex.join(["mkdir", "-p", str(path.parent)])]
+        return " && ".join([*make, shlex.join(["git", "mv", str(self.former.path), str(path)])])
 
 
 @dataclass(frozen=True)
@@ -164,7 +181,7 @@ def find_project(places: Sequence[str], goldens: Path | None = None, rules: Scen
     unused = [] if is_one_file else [*_unused(read, found)]
     scenes = _named([Path(os.path.abspath(place.root)) for place in read], [*found.values()])
     _require_distinct(scenes)
-    return GoldenProject(scenes, unused)
+    return GoldenProject([*_with_former(scenes, unused, looks_elsewhere=goldens is None)], unused)
 
 
 def _own_project() -> str:
@@ -203,6 +220,32 @@ def _require_distinct(scenes: Sequence[GoldenScene]) -> None:
                 got=f"{scene.folder.path}, as of {other.file}",
                 hint="rename one of them" if is_beside else f"list both in a {PROJECT_FILE} above them",
             )
+
+
+def _with_former(
+    scenes: Sequence[GoldenScene], unused: Sequence[GoldenFolder], *, looks_elsewhere: bool
+) -> Iterator[GoldenScene]:
+    """Yield the scenes, each without goldens with the goldens that may be its own.
+
+    They are in the place of a project with another golden.yaml, or without one; or no scene has them, and one scene has
+    no goldens: it was renamed. looks_elsewhere: whether the first is possible, as no option names the place.
+    """
+    without = {scene.file for scene in scenes if not _has_goldens(scene.folder.path)}
+    renamed = unused[0] if len(unused) == len(without) == 1 else None
+    for scene in scenes:
+        former = (_elsewhere(scene.file) if looks_elsewhere else None) or renamed
+        yield replace(scene, former=former) if scene.file in without else scene
+
+
+def _elsewhere(file: Path) -> GoldenFolder | None:
+    """Return the goldens of a scene in the place that a golden.yaml in a folder above, or none, gives them."""
+    file = Path(os.path.abspath(file))
+    places = [root / _GOLDENS / _name(file, root) for root in file.parents]
+    return next((GoldenFolder(Path(os.path.relpath(each))) for each in places if _has_goldens(each)), None)
+
+
+def _has_goldens(folder: Path) -> bool:
+    return os.path.lexists(folder / GOLDEN_RECORD_FILE)
 
 
 def _expanded(place: str) -> list[Path]:
@@ -312,7 +355,7 @@ def _scene(file: Path, root: Path, goldens: Path, rules: SceneRules) -> GoldenSc
 
 def _require_scene_name(path: Path) -> None:
     if not path.exists():
-        raise missing_file_error(path, "no such scene or folder")
+        raise missing_file_error(path, NO_SCENE)
     if path.suffix.lower() in (*_SCENE_SUFFIXES, _SIDECAR_SUFFIX) and not path.name.startswith("golden."):
         return
     got = f"a {path.suffix} file" if path.suffix else "no suffix"
@@ -382,5 +425,6 @@ def unused_error(unused: GoldenFolder, arguments: Sequence[str]) -> InputError:
     """Return the error of goldens without a scene. arguments: the words of the command line that name the project."""
     by_git = shlex.join(["git", "rm", "-r", str(unused.path)])
     update = shlex.join(["hsplat", "golden", *arguments, "--update", "--prune"])
-    hint = f"restore the scene, or remove the folder: `{by_git}`, or `{update}`"
+    renamed = shlex.join(["git", "mv", str(unused.path), str(unused.path.with_name("NEW_NAME"))])
+    hint = f"restore the scene; if it was renamed, `{renamed}`; or remove the folder: `{by_git}`, or `{update}`"
     return InputError("no scene has these goldens", hint=hint)

@@ -92,12 +92,10 @@ def _compared(
     record = folder.find()
     others = folder.unlisted(record)
     if record is None:
-        raise InputError(
-            "this scene has no goldens",
-            where=str(scene.file),
-            expected=str(folder.path),
-            hint="`hsplat golden` draws and keeps them",
-        )
+        hint = "`hsplat golden` draws and keeps them"
+        if scene.former is not None:
+            hint = f"if {scene.former.path} has them, `{scene.move_command}`"
+        raise InputError("this scene has no goldens", where=str(scene.file), expected=str(folder.path), hint=hint)
     job = load_golden_job(request)
     limit = limit_of(scene, record, job)
     goldens, new = _selected(scene, record, request.frames, job)

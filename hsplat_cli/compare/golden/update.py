@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from hsplat_cli.compare.golden.changes import changes_since
 from hsplat_cli.compare.golden.drawing import DrawnFrames, drawn_frames, load_golden_job
 from hsplat_cli.compare.golden.golden_folder import Content, GoldenFolder
 from hsplat_cli.compare.golden.merging import GoldenMerger, keeps_files
-from hsplat_cli.compare.golden.project import GoldenScene, SceneRules
+from hsplat_cli.compare.golden.project import GoldenProject, GoldenScene, SceneRules
 from hsplat_cli.compare.golden.record import (
     ALL_FRAMES,
     Golden,
@@ -109,11 +110,15 @@ def require_person(option: str) -> None:
         )
 
 
-def scenes_to_draw(scenes: Sequence[GoldenScene], options: GoldenOptions, reporter: Reporter) -> list[GoldenScene]:
+def scenes_to_draw(project: GoldenProject, options: GoldenOptions, reporter: Reporter) -> list[GoldenScene]:
     """Return the scenes whose goldens are drawn: without `--update` or `--also`, those that have none.
 
-    Raises InputError if all have goldens, and none of the options says what becomes of them.
+    Raises InputError if all have goldens, and none of the options says what becomes of them, or if goldens in another
+    place may be those of a scene that has none.
     """
+    scenes = project.scenes
+    for scene in scenes:
+        _require_no_former(scene, project.unused if options.prunes else ())
     if options.replaces or options.also:
         require_person("--update" if options.replaces else "--also")
         return [*scenes]
@@ -127,6 +132,19 @@ def scenes_to_draw(scenes: Sequence[GoldenScene], options: GoldenOptions, report
     if len(found) < len(scenes):
         reporter.note(f"{counted(len(scenes) - len(found), 'scene')} with goldens left alone: --update draws all")
     return found
+
+
+def _require_no_former(scene: GoldenScene, pruned: Sequence[GoldenFolder]) -> None:
+    """Raise InputError if a scene without goldens may have some in another place. pruned: those that are removed."""
+    if scene.former is not None and scene.former not in pruned and scene.folder.find() is None:
+        remove = shlex.join(["git", "rm", "-r", str(scene.former.path)])
+        raise InputError(
+            "goldens in another place may be this scene's",
+            where=str(scene.file),
+            got=str(scene.former.path),
+            expected=str(scene.folder.path),
+            hint=f"`{scene.move_command}` keeps them, `{remove}` removes them",
+        )
 
 
 def plan_update(
@@ -143,6 +161,8 @@ def plan_update(
     numbers = _frames(scene, options, before, job)
     names = {golden_file_name(frame, job.scene.num_frames) for frame in numbers} | (before.files if before else set())
     scene.folder.require_changeable(names, job.input_files())
+    if before is not None and options.replaces and not options.prunes:
+        _note_left(scene.name, before.by_frame.keys() - {*numbers}, job, reporter)
     drawing = _Drawing(
         scene, options, before, limit_of(scene, before, job), job.scene.num_frames,
         drawings.enter_context(drawn_frames(job, numbers, reporter)),
@@ -153,6 +173,14 @@ def plan_update(
     rows = [*drawing.rows(after, contents.keys())]
     lines = [*drawing.lines(after, rows), *drawing.neighbour_lines()]
     return GoldenUpdate(scene.folder, before, after, contents, lines, asks=any(text != _NEW for _, text in rows))
+
+
+def _note_left(name: str, left: Set[int], job: FilmJob, reporter: Reporter) -> None:
+    """Note the goldens that an update leaves as they are. left: the numbers of their frames."""
+    if left:
+        why = "were not drawn" if left & {*job.frames} else "the film does not have any more"
+        numbers = first_few(sorted(left))
+        reporter.note(f"{name}: goldens of frames that {why} stay: {numbers}; --prune removes them")
 
 
 def plan_removals(unused: Sequence[GoldenFolder], options: GoldenOptions, reporter: Reporter) -> list[GoldenUpdate]:
