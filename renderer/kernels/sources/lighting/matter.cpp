@@ -49,20 +49,6 @@ INLINE T label_at(const Array<const T, 3>& voxels, const int64_t* nearest, const
     return best;
 }
 
-// A place of a cell is clear to the share exp(-CLEAR_DEPTHS t), with t its optical depth per cell. With 1, light also
-// passes uneven matter, and a head is drawn 0.7 dB worse.
-constexpr double CLEAR_DEPTHS = 8.0;
-// The part of light that clear places of a cell let through. Light across a border in the cell meets all matter, and light
-// along the border passes beside it. With 0, a ball of opaque surfaces is 9 % too dark, and 5 % with this part. With 0.5,
-// a head is drawn 0.4 dB worse.
-constexpr double CLEAR_PART = 0.35;
-
-// Return the optical depth of a cell of a mean depth, of which a share is clear.
-INLINE double depth_of_partial(double mean, double clear) {
-    const double through = exp_of(-mean);
-    return clear > through ? -log_of(through + CLEAR_PART * (clear - through)) : mean;
-}
-
 // Return the scalar at a place in voxel indices; NaN outside, beside hidden voxels, and where the nearest voxel has no
 // data. The volume covers [-1/2, n - 1/2]; beyond the middles of the outermost voxels, the scalar is constant.
 template <class T, class ScalarOf>
@@ -149,7 +135,6 @@ Status average_matter(const AverageMatter* arguments) {
             if (is_stopped()) return STOPPED;
             for (int64_t x = 0; x < out.shape[3]; x++) {
                 Channels sum = {};
-                double clear = 0.0;
                 double corner[3];
                 for (int axis = 0; axis < 3; axis++)
                     corner[axis] = m[4 * axis] * (double)x + m[4 * axis + 1] * (double)y +
@@ -163,13 +148,10 @@ Status average_matter(const AverageMatter* arguments) {
                             for (int axis = 0; axis < 3; axis++)
                                 place[axis] = m[4 * axis] * u + m[4 * axis + 1] * v + m[4 * axis + 2] * w +
                                               m[4 * axis + 3];
-                            const Channels one = classify_scalar(of.curve, false, scalar_at(voxels, of, place, scalar_of));
-                            sum += one, clear += exp_of(-CLEAR_DEPTHS * one[3]);
+                            sum += classify_scalar(of.curve, false, scalar_at(voxels, of, place, scalar_of));
                         }
-                sum *= share;
-                if (sum[3] > 0.0) sum *= depth_of_partial(sum[3], clear * share) / sum[3];
                 for (int channel = 0; channel < 4; channel++)
-                    out(channel, of.slab, y, x) += (float)sum[channel];
+                    out(channel, of.slab, y, x) += (float)(sum[channel] * share);
             }
         }
         return DONE;
