@@ -54,6 +54,8 @@ def init(*, volume: Path | str, output: Path | None, force: bool, film: FilmOpti
     _tell_faults(SceneRequest(scene, content=text.encode()), reporter)
     if output is None:
         reporter.content(text.encode())
+        if isinstance(volume, Path) and not volume.is_absolute():
+            reporter.status("paths of this scene are relative to this folder; --output FILE writes it into another one")
     else:
         write_staged(output, text.encode())
         reporter.status(f"{output}: written; `hsplat render {output}` makes the film")
