@@ -254,7 +254,7 @@ def test_goldens_of_a_renamed_scene_are_named(capsys: pytest.CaptureFixture[str]
         assert golden("scenes", *options) == 2
         error = capsys.readouterr().err
         assert "scenes/motor.yaml: goldens in another place may be this scene's" in error
-        assert f"hint: `{move}` keeps them, `git rm -r scenes/goldens/engine` removes them" in error
+        assert f"hint: `{move}` keeps them, `git rm -r scenes/goldens/engine` removes them; " in error
     assert files() == before
     ENGINE.rename("scenes/goldens/motor")
     assert compare() == 0

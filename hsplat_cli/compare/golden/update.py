@@ -143,7 +143,7 @@ def _require_no_former(scene: GoldenScene, pruned: Sequence[GoldenFolder]) -> No
             where=str(scene.file),
             got=str(scene.former.path),
             expected=str(scene.folder.path),
-            hint=f"`{scene.move_command}` keeps them, `{remove}` removes them",
+            hint=f"`{scene.move_command}` keeps them, `{remove}` removes them; --goldens FOLDER draws others there",
         )
 
 
