@@ -80,6 +80,7 @@ def drawn(
         have_faces=np.zeros(num_bricks, np.bool_),
         face_depth=0.0,
         radiance=None,
+        fog=None,
         fields=[field],
     )
     tiles = np.arange(len(grid.starts) - 1)
