@@ -364,9 +364,9 @@ def test_cells_are_as_fine_as_visible_matter_allows() -> None:
     nothing = volume(np.zeros((9, 9, 9), np.float32), far, "nothing")
     for scene, volumes, cell in (
         (scene_of(layer), [volume(bar)], 2.5),
-        (scene_of(layer), [volume(small)], 0.5),
-        (scene_of(layer, clip=clip), [volume(bar)], 0.5),
-        (scene_of(layer, layer), [volume(small), nothing], 0.5),
+        (scene_of(layer), [volume(small)], 1.0),
+        (scene_of(layer, clip=clip), [volume(bar)], 1.0),
+        (scene_of(layer, layer), [volume(small), nothing], 1.0),
     ):
         light = stage_of(scene, *volumes).groups[0].light
         assert light is not None and light.cell == cell

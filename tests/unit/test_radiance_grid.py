@@ -338,7 +338,7 @@ def test_grid_covers_only_visible_matter() -> None:
     layer, grids = matter_of(even((60, 9, 9), 0.1)), []
     for first in (20.0, 17.3):
         reach = np.array([[first, 2.0, 2.0], [30.0, 6.5, 6.5]])
-        grids.append(compute_radiance_grid([layer._replace(reach=reach)], lights(), cell_voxels=1.0, max_cells=32))
+        grids.append(compute_radiance_grid([layer._replace(reach=reach)], lights(), max_cells=32))
     assert [grid.cell for grid in grids] == [1, 1]
     np.testing.assert_array_equal(grids[0].origin, [18.5, 0.5, 0.5])
     np.testing.assert_array_equal(grids[1].origin, [15.5, 0.5, 0.5])
