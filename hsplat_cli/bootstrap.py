@@ -84,10 +84,8 @@ def demo() -> int:
 def test() -> int:
     """Run the tests on the installed wheel."""
     # Not `python -m pytest`, which would import the checkout. Up to four processes take whole files, in the files'
-    # order: pytest-xdist would otherwise start files with few tests, such as one long test, last. There is one process
-    # more than cores, because tests wait for their child processes.
-    num = min((os.cpu_count() or 1) + 1, 4)
-    lanes = (f"--numprocesses={num}", "--dist=loadfile", "--no-loadscope-reorder")
+    # order: pytest-xdist would otherwise start files with few tests, such as one long test, last.
+    lanes = ("--numprocesses=auto", "--maxprocesses=4", "--dist=loadfile", "--no-loadscope-reorder")
     return run(VENV / "bin" / "pytest", *lanes, HSPLAT_TEST_INSTALLED="1")
 
 

@@ -55,10 +55,12 @@ def errors_of(reads: dict[str, str], folder: Path, cache: Path) -> dict[str, lis
     return {name: [each for each in lines if f"read_{number}.py" in each] for number, name in enumerate(reads)}
 
 
+@pytest.mark.slow
 def test_reads_at_a_frame_are_right(tmp_path: Path, cache: Path) -> None:
     assert not any(errors_of(AT_A_FRAME, tmp_path, cache).values())
 
 
+@pytest.mark.slow
 def test_reads_without_a_frame_are_reported(tmp_path: Path, cache: Path) -> None:
     found = errors_of(WITHOUT_A_FRAME, tmp_path, cache)
     assert all(found.values()), found
