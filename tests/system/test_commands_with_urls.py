@@ -30,6 +30,7 @@ def server(tmp_path: Path) -> Iterator[ServedFolder]:
         yield served
 
 
+@pytest.mark.slow
 def test_turntables_of_urls(server: ServedFolder, capsys: pytest.CaptureFixture[str]) -> None:
     """Stores of one name get their folders; the films of a second job are up to date."""
     np.save("local.npy", VALUES)

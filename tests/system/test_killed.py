@@ -87,8 +87,8 @@ print(num_killed)
     [
         ["film.mp4"],
         ["{frame}.png"],
-        ["film.mp4", "film.gif", "{frame}.png", "far/still.png"],
-        ["{frame}.png", "film.webm", "far/small-{frame}.png"],
+        pytest.param(["film.mp4", "film.gif", "{frame}.png", "far/still.png"], marks=pytest.mark.slow),
+        pytest.param(["{frame}.png", "film.webm", "far/small-{frame}.png"], marks=pytest.mark.slow),
     ],
 )
 def test_killed_at_any_operation_on_a_file(outputs: list[str]) -> None:

@@ -108,6 +108,7 @@ class StoppedError(Exception):
     pass
 
 
+@pytest.mark.slow
 def test_a_list_is_resumed_found_and_made_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = scene_of(LIST, annotation={"time": "{frame}"})
     renderer.render(scene)

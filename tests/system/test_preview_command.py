@@ -96,6 +96,7 @@ def test_volumes_labels_and_what_moves() -> None:
     assert "Frame 2 with other lines" in page_of("moving.yaml")
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_page_of_an_array() -> None:
     page = renderer.preview(renderer.suggest_scene(ball((0, 0, 0), 0.8, 16) * 1, size=(32, 32), output="film.gif"))
     assert_sound_and_alone(page.html)

@@ -215,6 +215,7 @@ def processes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return threads
 
 
+@pytest.mark.slow
 def test_a_film_that_ends_its_process_fails_alone(folder, processes, monkeypatch, capfd) -> None:
     """The other films are made by the two processes before it, and by one after it."""
     Path("deadly.py").write_text(DEADLY, encoding="utf-8")

@@ -136,6 +136,7 @@ def test_coarse_settings_are_worse() -> None:
         assert max(psnrs) < fine.overall.everywhere["psnr"] - 3, fine.setting
 
 
+@pytest.mark.slow
 def test_more_rays_are_nearer_to_the_area_that_an_edge_covers() -> None:
     """Two opaque colours meet between two voxels. Seen with 1, 4 and 16 rays: 28 or more, 39 and 50 dB."""
     values = np.zeros((16, 48, 48), np.uint8)

@@ -25,6 +25,7 @@ def films(folder: str) -> dict[str, bytes]:
     return {name: (Path(folder) / name).read_bytes() for name in FRAMES}
 
 
+@pytest.mark.slow
 def test_the_same_bytes_as_beside_opengl() -> None:
     with running_cluster(2, variables=NO_OPENGL) as cluster:
         on_cluster = ["--scheduler", cluster.scheduler_address]

@@ -192,6 +192,7 @@ def test_a_killed_process_loses_no_block(large: ServedFolder, tmp_path: Path) ->
     assert _asked(large) == []
 
 
+@pytest.mark.slow
 def test_pieces_that_did_not_reach_the_disk_are_read_again(large: ServedFolder, tmp_path: Path) -> None:
     """A power failure leaves zeros in a piece, or half a line of the journal."""
     left = _kill_at("2/1/1", 2, large, tmp_path)
@@ -205,6 +206,7 @@ def test_pieces_that_did_not_reach_the_disk_are_read_again(large: ServedFolder, 
     assert _asked(large) == sorted(PIECES[0] + PIECES[2])
 
 
+@pytest.mark.slow
 def test_two_processes_read_a_level_once(large: ServedFolder, tmp_path: Path) -> None:
     """One waits, and says so, until the other one has read the level, or is killed, and goes on where it was."""
     large.faults = {"c/2/1/1": [STALL]}
