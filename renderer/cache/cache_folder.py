@@ -36,7 +36,7 @@ _LOCK = ".lock"
 # The age, in seconds, at which an entry that is being made counts as left behind by a process that was killed: a week,
 # in which a later process may go on with it.
 _LEFT_BEHIND = 7 * 24 * 3600
-# The seconds that a process waits for another one before the user is told: most entries are made within them.
+# The seconds that a process waits for another one before the user is told. Most entries are made in less time.
 _PATIENCE = 1.0
 # The sentence for the user while another process makes an entry.
 _WAITING = "another process reads or builds the same for the cache folder; this one waits for it"

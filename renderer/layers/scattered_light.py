@@ -38,7 +38,7 @@ NO_SOLVED_LIGHT = SolvedLight((), None, is_first=True)
 
 
 def frames_of_new_light(film: FilmScene) -> list[tuple[int, int]]:
-    """Return the runs of frames, as (first, last), on which the light that layers scatter has to be found anew."""
+    """Return the runs of frames, as (first, last), on which the light that layers scatter has to be found again."""
     if film.at(0).light is None:
         return []
     return with_key_of_camera(film).map(lambda scene: (scene.light, scene.clip, scene.layers)).changing_frames

@@ -114,7 +114,7 @@ def scenes_to_draw(project: GoldenProject, options: GoldenOptions, reporter: Rep
     """Return the scenes whose goldens are drawn: without `--update` or `--also`, those that have none.
 
     Raises InputError if all have goldens, and none of the options says what becomes of them, or if goldens in another
-    place may be those of a scene that has none.
+    place may belong to a scene that has none.
     """
     scenes = project.scenes
     for scene in scenes:
