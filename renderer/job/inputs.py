@@ -111,8 +111,8 @@ def _may_be_dicom(path: Path) -> bool:
 
 
 def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
-    """Yield the files of the only volume below a folder or, if the volume is the folder's pictures, these pictures."""
-    from renderer.readers import find_volume, slices_of_pictures
+    """Yield the files of the only volume below a folder, or the pictures or masks in it that are one volume."""
+    from renderer.readers import find_volume, masks_in, slices_of_pictures
 
     with contextlib.suppress(InputError, OSError):  # the reader of volumes reports the error later
         found, form, _ = find_volume(folder)
@@ -120,6 +120,8 @@ def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
             yield from volume_files(VolumeSpec(FileSource(found)))
         elif form == "pictures":
             yield from slices_of_pictures(folder)
+        elif form == "masks":
+            yield from masks_in(folder)
 
 
 def expand_pattern(name: str) -> list[Path]:

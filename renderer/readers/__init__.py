@@ -24,7 +24,7 @@ Sizes are checked before memory is taken, and the checksums of compressed voxels
 - `overview.py`: the level of a store by which a volume is described
 - `volume_files.py`: the files of a volume, and their marks
 - `voxel_colors.py`: components joined into colours
-- `segments.py`: overlapping segments joined into labels, and the segments of 3D Slicer
+- `segments.py`: overlapping segments joined into labels, and the segments of 3D Slicer; `masks.py`: a folder of masks
 - `procedural.py`: volumes from formulas
 
 Formats that are parsed in Python:

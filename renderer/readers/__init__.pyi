@@ -8,6 +8,7 @@ from .sniff import (
     find_volume as find_volume,
     is_dicom as is_dicom,
     is_volume_name as is_volume_name,
+    masks_in as masks_in,
     natural_sort_key as natural_sort_key,
     series_of_slice as series_of_slice,
     slices_of_pictures as slices_of_pictures,

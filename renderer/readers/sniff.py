@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import gzip
+import math
 import os
 import re
 import struct
 import zlib
 from contextlib import suppress
 from pathlib import Path
-from typing import Literal
+from typing import IO, Literal, cast
 
 from renderer.errors import InputError
 from renderer.readers.dicom_tags import summarize
@@ -19,7 +21,7 @@ from renderer.stores import is_store, is_zipped_store
 
 Format = Literal[
     "nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom", "mrc", "hdf5", "pictures",
-    "store",
+    "masks", "store",
 ]  # fmt: skip
 
 KNOWN_FORMATS = (
@@ -71,6 +73,15 @@ _GZIP = b"\x1f\x8b"
 NIFTI_STARTS = [struct.pack(order + "i", length) for length in (348, 540) for order in "<>"]
 # Bytes of the header of DICOMDIR, an index of other files: the UID of the class "media storage directory".
 _DICOM_INDEX = b"1.2.840.10008.1.3.10\2"
+# The places in a NIfTI-1 header of the fields that masks of one grid share: the numbers of voxels and their type, the
+# sizes of voxels, and the two affines.
+_GRID = (slice(40, 56), slice(70, 74), slice(76, 108), slice(252, 328))
+# The types of voxels of masks, as codes of NIfTI: unsigned and signed integers of 8 and 16 bits.
+_MASK_TYPES = (2, 4, 256, 512)
+# The number of bytes of a NIfTI-1 header.
+_NIFTI_BYTES = 348
+# The number of bytes of a mask that are looked at at once.
+_PIECE_BYTES = 2**20
 # The largest number of files and folders that a search for volumes looks at.
 _MAX_ENTRIES = 10_000
 
@@ -165,8 +176,8 @@ def natural_sort_key(name: str) -> tuple[list[str | int], str]:
 def find_volume(path: Path) -> tuple[Path, Format, str | None]:
     """Return the path of the volume in a folder, its format, and a note if the path is not the folder itself.
 
-    Slices directly in the folder are its volume; otherwise it is the only volume file, or folder of slices, anywhere
-    below. A path of a file is returned as it is. Raises InputError for no volume and for several.
+    Slices or masks directly in the folder are its volume; otherwise it is the only volume file, or folder of slices,
+    anywhere below. A path of a file is returned as it is. Raises InputError for no volume and for several.
     """
     if not os.access(path, os.R_OK):
         raise InputError("no permission to read this", where=str(path))
@@ -176,7 +187,7 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
         return path, "store", None
     own = _format_of_slices(path)
     if own not in (None, "pictures"):
-        others = sorted(short_text(each.name) for each in path.iterdir() if _is_volume(each))
+        others = sorted(short_text(each.name) for each in path.iterdir() if own != "masks" and _is_volume(each))
         note = f"its {own.upper()} slices are one volume, which is read; left out: {join_some(others)}"
         return path, own, note if others else None
     found = _search(path)
@@ -209,8 +220,8 @@ def is_volume_name(name: str | os.PathLike[str]) -> bool:
 def volumes_in(folder: Path) -> list[Path]:
     """Return the volumes below a folder, among them folders of slices.
 
-    Returns an empty list if the folder itself is a volume of slices, or has only one volume. Raises InputError for
-    slices of several formats, and for too many files.
+    Returns an empty list if the folder itself is a volume of slices or masks, or has only one volume. Raises InputError
+    for slices of several formats, and for too many files.
     """
     if is_store(folder):
         return []
@@ -219,7 +230,7 @@ def volumes_in(folder: Path) -> list[Path]:
 
 
 def _format_of_slices(folder: Path) -> Format | None:
-    """Return the format of the slices directly in a folder; None if there are none.
+    """Return the format of the slices or masks directly in a folder; None if there are none.
 
     DICOMDIR, an index of other files, is not a slice, nor are DICOM files that are a volume each. Pictures beside
     slices of TIFF or DICOM are left out. Raises InputError for slices of TIFF and DICOM together.
@@ -240,7 +251,66 @@ def _format_of_slices(folder: Path) -> Format | None:
         return "tiff"
     if first is not None:
         return None if _volumes_of_frames(folder) else "dicom"
+    if masks_in(folder):
+        return "masks"
     return "pictures" if len(slices_of_pictures(folder)) > 1 else None
+
+
+def masks_in(folder: Path) -> list[Path]:
+    """Return the masks directly in a folder, in natural order: NIfTI files with only 0 and 1, on one grid.
+
+    Returns an empty list if the folder has fewer than two volumes, or any other volume. The voxels of the first file
+    alone are looked at; the reader checks the others.
+    """
+    files = [file for file in _files_in(folder) if _is_volume(file)]
+    files.sort(key=lambda file: natural_sort_key(file.name))
+    if len(files) < 2 or not all(file.name.lower().endswith((".nii", ".nii.gz")) for file in files):
+        return []
+    headers = (read_start(file, _NIFTI_BYTES)[0] for file in files)
+    first = next(headers)
+    if len(first) < _NIFTI_BYTES or not _is_of_masks(first):
+        return []
+    if any([header[part] for part in _GRID] != [first[part] for part in _GRID] for header in headers):
+        return []
+    return files if _has_only_flags(files[0], first) else []
+
+
+def _is_of_masks(header: bytes) -> bool:
+    """Return whether the header of a NIfTI-1 file states a volume of small integers, without a scale."""
+    order = _order_of(header)
+    if struct.unpack_from(f"{order}i", header)[0] != _NIFTI_BYTES:
+        return False
+    num_axes, kind = (struct.unpack_from(f"{order}h", header, at)[0] for at in (40, 70))
+    slope, intercept = struct.unpack_from(f"{order}2f", header, 112)
+    return bool(num_axes == 3 and kind in _MASK_TYPES and slope in (0, 1) and intercept == 0)
+
+
+def _has_only_flags(file: Path, header: bytes) -> bool:
+    """Return whether the voxels of a NIfTI-1 file have only bytes of 0 and 1."""
+    order = _order_of(header)
+    *sizes, num_bits = struct.unpack_from(f"{order}3h", header, 42) + struct.unpack_from(f"{order}h", header, 72)
+    num_left: int = math.prod(sizes) * num_bits // 8
+    offset = struct.unpack_from(f"{order}f", header, 108)[0]
+    if min(sizes) < 1 or not _NIFTI_BYTES <= offset <= _PIECE_BYTES:
+        return False
+    with suppress(OSError, EOFError, zlib.error), _opened(file) as opened:
+        opened.seek(int(offset))
+        while num_left > 0 and (piece := opened.read(min(num_left, _PIECE_BYTES))):
+            if piece.translate(None, b"\0\1"):
+                return False
+            num_left -= len(piece)
+        return num_left == 0
+    return False
+
+
+def _order_of(header: bytes) -> str:
+    """Return the byte order of a NIfTI-1 header, as `struct` names it."""
+    return "<" if struct.unpack_from("<i", header)[0] == _NIFTI_BYTES else ">"
+
+
+def _opened(file: Path) -> IO[bytes]:
+    """Return a file open for reading, decompressed if it is gzip."""
+    return cast(IO[bytes], gzip.open(file)) if _start(file)[:2] == _GZIP else file.open("rb")
 
 
 def _volumes_of_frames(folder: Path) -> list[Path]:
@@ -271,11 +341,12 @@ def _files_in(folder: Path) -> list[Path]:
 
 
 def _search(folder: Path) -> list[Path]:
-    """Return the volume files and the folders of slices below a folder, each once; links to folders are not followed.
+    """Return the volume files and the folders of slices or masks below a folder, each once.
 
-    The files of a folder come in natural order, and before the files of its subfolders. Without volume files and slices
-    of other formats, returns the folders of pictures, perhaps the folder itself; beside a volume, pictures are likely
-    to be views of it. Raises InputError for more than _MAX_ENTRIES files and folders, as volumes could be missed.
+    Links to folders are not followed. The files of a folder come in natural order, and before the files of its
+    subfolders. Without volume files and slices of other formats, returns the folders of pictures, perhaps the folder
+    itself; beside a volume, pictures are likely to be views of it. Raises InputError for more than _MAX_ENTRIES files
+    and folders, as volumes could be missed.
     """
     num_left, found, pictures = _MAX_ENTRIES, dict[str, Path](), list[Path]()
     for place, folders, files in os.walk(folder):

@@ -1,0 +1,82 @@
+"""A folder of masks on one grid is one volume of labels, named after its files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nibabel as nib
+import numpy as np
+import pytest
+import volume_files
+from volume_files import refused
+
+from hsplat_cli.scenes import expand_volumes
+from renderer.job import volume_files as files_of
+from renderer.readers import find_volume
+from renderer.scene import FileSource, VolumeSpec
+from renderer.volume import Array
+
+AFFINE = np.diag([1.0, 2.0, 3.0, 1.0])
+
+
+def mask(name: str, *places: int, shape: tuple[int, int, int] = (4, 3, 2), value: float = 1) -> None:
+    values = np.zeros(shape, np.uint8 if value == int(value) else np.float32)
+    values.reshape(-1)[list(places)] = value
+    nib.Nifti1Image(values, AFFINE).to_filename(name)
+
+
+@pytest.fixture(autouse=True)
+def folder(folder: Path) -> Path:
+    mask("liver.nii.gz", 0, 1, 2)
+    mask("rib_2.nii.gz", 4)
+    mask("rib_10.nii.gz", 2, 3)
+    mask("spleen.nii.gz")
+    Path("statistics.json").write_text("{}")
+    return folder
+
+
+def labels_at(values: Array) -> list[int]:
+    return list(np.asarray(values).T.reshape(-1)[:5])
+
+
+def test_masks_are_labels(folder: Path) -> None:
+    """A voxel in several masks belongs to the smallest; masks without voxels have no label."""
+    volume = volume_files.read(folder)
+    assert labels_at(volume.values) == [1, 1, 3, 3, 2]
+    assert [(each.value, each.name) for each in volume.labels] == [(1, "liver"), (2, "rib_2"), (3, "rib_10")]
+    np.testing.assert_allclose(volume.spacing, (1, 2, 3))
+    assert volume.note == (
+        "its 4 masks are one volume of labels; 1 mask without a voxel; "
+        "1 voxel in several masks belong to the smallest of them"
+    )
+
+
+def test_the_folder_is_one_volume(folder: Path) -> None:
+    assert expand_volumes([str(folder)]) == ([folder], [])
+    assert expand_volumes(["*.nii.gz"])[0] == [Path(name) for name in sorted(each.name for each in folder.glob("*.gz"))]
+    assert {each.name for each in files_of(VolumeSpec(FileSource(folder)))} >= {"liver.nii.gz", "spleen.nii.gz"}
+
+
+@pytest.mark.parametrize("case", ["other grid", "other values", "another volume", "one mask"])
+def test_other_folders_are_volumes(folder: Path, case: str) -> None:
+    if case == "other grid":
+        mask("a.nii.gz", 1, shape=(2, 3, 4))
+    elif case == "other values":
+        mask("a.nii.gz", 1, value=2)
+    elif case == "another volume":
+        np.save("a.npy", np.zeros((2, 3, 4), np.uint8))
+    else:
+        for name in ("rib_2", "rib_10", "spleen"):
+            Path(f"{name}.nii.gz").unlink()
+        assert find_volume(folder)[0] == folder / "liver.nii.gz"
+        return
+    assert len(expand_volumes([str(folder)])[0]) == 5
+
+
+def test_wrong_masks(folder: Path) -> None:
+    mask("spleen.nii.gz", 3, value=2)
+    error = refused(folder, "a mask beside others has only 0 and 1")
+    assert (error.where, error.got) == (str(folder / "spleen.nii.gz"), "a voxel of 2")
+    Path("spleen.nii.gz").write_bytes(Path("spleen.nii.gz").read_bytes()[:-9])
+    assert refused(folder).where == str(folder / "spleen.nii.gz")
+    assert refused(folder, "there is no such component", component=1).got == "component: 1"
