@@ -12,8 +12,8 @@ from hsplat_cli.preview.variants import draw_tolerances, suggest_looks, variants
 from hsplat_cli.preview.volume_chart import chart_of
 from hsplat_cli.reports import render_page
 from renderer.accuracy import Glance, is_loop, look_ahead, scalar_ranges, spread_evenly
-from renderer.annotation import require_annotation
 from renderer.draw import open_rasterizer
+from renderer.frame import require_annotation
 from renderer.job import FilmJob
 from renderer.record import FilmVisibility, VisibleRange, film_visibility, range_record, visibility_text
 from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance

@@ -34,7 +34,7 @@ class Annotator:
 
     def __init__(self, spec: AnnotationSpec, facts: AnnotationFacts) -> None:
         """Read the font. Raises InputError if it cannot be read."""
-        self._entries, self._facts = spec.entries, facts
+        self._entries, self._facts, self._own_color = spec.entries, facts, spec.color
         self._pen, self.margin = Pen(Font(spec.font), facts), round(_MARGIN * min(facts.size))
         num = 2 * len(self._entries)  # for each entry, the current drawing and the drawing before it
         self._drawn, self._finished = lru_cache(num)(self._draw), lru_cache(num)(self._finish)
@@ -82,14 +82,17 @@ class Annotator:
         return Patch(sketch.finish(self._color(spec, row + sketch.height / 2), rim), row - rim, column - rim)
 
     def _color(self, spec: EntrySpec, row: float) -> Color:
-        """Return the colour of an entry: its own, or black or white, whichever is readable on the background.
+        """Return the colour of an entry: its own, that of all entries, or else a readable one.
+
+        The readable colour is white on a dark background, and black on a light or transparent one.
 
         row: the row of the entry's middle, for a background whose colour changes with height.
         """
-        if spec.color != "auto":
-            return spec.color
+        for color in (spec.color, self._own_color):
+            if color != "auto":
+                return color
         if self._facts.background is None:
-            return 1.0, 1.0, 1.0
+            return 0.0, 0.0, 0.0
         share = row / self._facts.size[1]
         red, green, blue = (a + share * (b - a) for a, b in zip(*self._facts.background, strict=True))
         return (0.0, 0.0, 0.0) if is_light((red, green, blue)) else (1.0, 1.0, 1.0)

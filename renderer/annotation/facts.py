@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from renderer.scene import Color, Vector
 
@@ -71,6 +71,10 @@ class FrameFacts:
     accuracy: str = ""
     world_per_pixel: float = 1.0
     axes: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+    def with_accuracy(self, psnr: float | None) -> FrameFacts:
+        """Return these facts with the accuracy of the frame: its PSNR in decibels, None if it was not measured."""
+        return self if psnr is None else replace(self, accuracy=f"frame PSNR {psnr:.1f} dB")
 
     @property
     def numbers(self) -> dict[str, float]:

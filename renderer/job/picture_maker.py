@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from renderer.annotation import FilmAnnotation
 from renderer.film import Picture, quantize, reduce_radiance
-from renderer.frame import FilmStage, Frame
+from renderer.frame import FilmAnnotation, FilmStage, Frame
 
 
 class PictureMaker:

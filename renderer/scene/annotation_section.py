@@ -147,6 +147,8 @@ class AnnotationSpec:
 
     bounds: whether to draw lines around the volume, with ticks. octree: whether to draw the edges of cells.
     font: the file of the font of all texts; None is DejaVu Sans.
+    layout: `beside` frames the object into the room that entries leave; `over` puts entries over the picture.
+    color: the color of entries whose own color is `auto`.
     """
 
     title: Annotated[TitleSpec | None, _entry(TitleSpec, "top", short="text")] = None
@@ -160,6 +162,14 @@ class AnnotationSpec:
     bounds: bool = False
     octree: bool = False
     font: Annotated[Path | None, file_field("the file of a font: TrueType or OpenType", folder=False)] = None
+
+    layout: Literal["beside", "over"] = "beside"
+    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
+
+    def written(self) -> object:
+        """Return the section as a scene file has it: its keys. `layout: beside` and `color: auto` are left out."""
+        defaults = {"layout": "beside", "color": "auto"}
+        return {key: value for key, value in vars(self).items() if defaults.get(key) != value}
 
     @property
     def entries(self) -> dict[str, EntrySpec]:

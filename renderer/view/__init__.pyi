@@ -11,6 +11,8 @@ from .clip_slabs import (
     place_object_clips as place_object_clips,
 )
 from .framing import (
+    WHOLE_PICTURE as WHOLE_PICTURE,
+    Room as Room,
     corners_around as corners_around,
     finest_useful_level as finest_useful_level,
     fit_distance as fit_distance,

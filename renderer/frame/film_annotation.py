@@ -8,20 +8,21 @@ from functools import lru_cache
 
 import numpy as np
 
-from renderer.annotation.annotator import Annotator, annotation_problems
-from renderer.annotation.facts import AnnotationFacts
-from renderer.annotation.sketch import draw_annotation
-from renderer.annotation.stage_facts import film_facts, frame_facts, length_unit
+from renderer.annotation import (
+    AnnotationFacts,
+    Annotator,
+    annotation_problems,
+    draw_annotation,
+    film_facts,
+    frame_facts,
+    length_unit,
+)
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
-from renderer.frame import FilmStage, Stage, view_of
+from renderer.frame.camera_framing import WIDEST_PSNR, tried_frames
+from renderer.frame.stage import FilmStage, Stage, view_of
 from renderer.scene import PictureKind, raise_problems
 from renderer.volume import Bools, Float32
-
-# Before a film is drawn, its annotation is tried on at most this many frames.
-_MOST_TRIED = 9
-# The PSNR in decibels with which the annotation is tried, before the accuracy is known. No PSNR makes a wider text.
-_WIDEST_PSNR = 100.0
 
 
 class FilmAnnotation:
@@ -43,9 +44,10 @@ class FilmAnnotation:
             self._facts = stage, {}
         known = self._facts[1]
         if kind not in known:
-            known[kind] = film_facts(stage, kind)
+            known[kind] = film_facts(stage.scene, stage.layers, kind)
         annotator = self._annotator(stage.scene.annotation, known[kind])
-        patches = annotator.patches(frame_facts(self._film.scene, stage, frame, kind, psnr))
+        facts = frame_facts(self._film.scene, stage.layers, view_of(stage, frame), frame, kind)
+        patches = annotator.patches(facts.with_accuracy(psnr))
         draw_annotation(image, patches, is_linear=stage.scene.light is not None)
 
     def covered(self, frame: int, psnr: float | None) -> Bools | None:
@@ -70,25 +72,24 @@ def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
     annotation = film.scene.at(0).annotation
     if not annotation.entries:
         return
-    # This import is not at the top of the file, because `renderer.accuracy` takes a while to load.
-    from renderer.accuracy import spread_evenly
-
     problems: list[Problem] = []
     for kind in film.scene.output.kinds:
         shown = []
-        for frame in spread_evenly(frames, _MOST_TRIED, is_loop=False):
+        for frame in tried_frames(frames):
             # The layers of the first frame stand for the layers of all frames, which would take a while to make.
             scene = film.scene.at(frame)
             stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
-            shown.append(frame_facts(film.scene, stage, frame, kind, _WIDEST_PSNR))
-        problems += annotation_problems(annotation, film_facts(film.first, kind.at(0)), shown)
+            view = view_of(stage, frame)
+            shown.append(frame_facts(film.scene, stage.layers, view, frame, kind).with_accuracy(WIDEST_PSNR))
+        facts = film_facts(film.first.scene, film.layers, kind.at(0))
+        problems += annotation_problems(annotation, facts, shown)
     raise_problems(problems)
 
 
 def annotation_notes(stage: FilmStage) -> Iterator[str]:
     """Yield notes on a film's annotation that are shown to the user."""
     annotation = stage.scene.at(0).annotation
-    if annotation.scale_bar is not None and not length_unit(stage):
+    if annotation.scale_bar is not None and not length_unit(stage.layers):
         yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"
     if annotation.shows_anything and stage.scene.error.probes != 0 and stage.scene.at(0).light is None:
         yield "the accuracy is that of the pictures without annotation"
