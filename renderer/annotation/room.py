@@ -17,7 +17,7 @@ from renderer.view import Room
 # The distance of the room from entries, as a share of the picture's shorter side.
 _GAP = 0.02
 # The smallest width and height of a room, as shares of the picture's.
-_LEAST_SHARE = 0.25
+LEAST_SHARE = 0.25
 
 
 class Box(NamedTuple):
@@ -65,8 +65,8 @@ def free_rooms(boxes: Collection[Box], size: tuple[int, int]) -> list[Room]:
     wide = [Box(box.left - across, box.top - down, box.right + across, box.bottom + down) for box in boxes]
     lefts, rights = {0.0, *(box.right for box in wide)}, {1.0, *(box.left for box in wide)}
     tops, bottoms = {0.0, *(box.bottom for box in wide)}, {1.0, *(box.top for box in wide)}
-    columns = [each for each in product(sorted(lefts), sorted(rights)) if each[1] - each[0] >= _LEAST_SHARE]
-    rows = [each for each in product(sorted(tops), sorted(bottoms)) if each[1] - each[0] >= _LEAST_SHARE]
+    columns = [each for each in product(sorted(lefts), sorted(rights)) if each[1] - each[0] >= LEAST_SHARE]
+    rows = [each for each in product(sorted(tops), sorted(bottoms)) if each[1] - each[0] >= LEAST_SHARE]
     rooms = [
         Room(left, top, right, bottom)
         for (left, right), (top, bottom) in product(columns, rows)

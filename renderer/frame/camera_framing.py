@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.annotation import Box, FrameFacts, film_facts, frame_facts, free_rooms, taken_boxes
-from renderer.errors import InputError
+from renderer.annotation import LEAST_SHARE, Box, FrameFacts, film_facts, frame_facts, free_rooms, taken_boxes
+from renderer.errors import Problem
 from renderer.frame.preparation import StageMaker, points_in_frame
 from renderer.layers import Layer, parts_over_frames
-from renderer.scene import CameraSpec, FilmScene, Vector, min_tolerance
+from renderer.scene import CameraSpec, FilmScene, Vector, min_tolerance, raise_problems
 from renderer.splats import GAUSSIAN_CUTOFF
 from renderer.view import (
     WHOLE_PICTURE,
@@ -128,8 +128,11 @@ def _room_beside(
             break
         taken = now
         if not (rooms := free_rooms(taken.values(), scene.output.size)):
-            what, hint = "leaves no room for the object", "fewer entries, a smaller size, or layout: over"
-            raise InputError(what, where="annotation", hint=hint)
+            (width, height), share = scene.output.size, LEAST_SHARE
+            got = f"{len(taken)} entries in a picture of {width} x {height} pixels"
+            expected = f"a free rectangle of {round(share * width)} x {round(share * height)} pixels"
+            hint = "fewer entries, a smaller size, or layout: over, which puts them over the object"
+            raise_problems([Problem("annotation", "leaves no room for the object", got, expected, hint)])
         distance, room = min((fit(each), each) for each in rooms)
     return room, distance
 

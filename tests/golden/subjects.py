@@ -79,7 +79,10 @@ _ATLAS = (
     "labels={opacity: 0.6, colors: auto}",
     "output.size=[128, 128]",
 )
-_ANNOTATION = "annotation={layout: over, title: Block, time: 'frame {frame}', scale_bar: true, orientation: true, color_bar: true}"
+_ANNOTATION = (
+    "annotation={layout: over, title: Block, time: 'frame {frame}', scale_bar: true, orientation: true,"
+    " color_bar: true}"
+)
 
 SPLATS = (
     Subject("membranes", "five hollow cells", SCENE, _MEMBRANES, frame=3),
