@@ -21,7 +21,7 @@ from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
 from renderer.frame.camera_framing import WIDEST_PSNR, tried_frames
 from renderer.frame.stage import FilmStage, Stage, view_of
-from renderer.scene import PictureKind, raise_problems
+from renderer.scene import PictureKind, join_words, raise_problems
 from renderer.volume import Bools, Float32
 
 
@@ -82,7 +82,10 @@ def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
             view = view_of(stage, frame)
             shown.append(frame_facts(film.scene, stage.layers, view, frame, kind).with_accuracy(WIDEST_PSNR))
         facts = film_facts(film.first.scene, film.layers, kind.at(0))
-        problems += annotation_problems(annotation, facts, shown)
+        for problem in annotation_problems(annotation, facts, shown):
+            files = [each.file.name for each in film.scene.output.files if each.kind == kind]
+            where = f", in {join_words(files, 'and')}" if film.scene.output.others else ""
+            problems.append(replace(problem, what=problem.what + where))
     raise_problems(problems)
 
 
