@@ -22,7 +22,7 @@ class PictureMaker:
         radiance, found = frame.radiance_with_lines(), dict[int, Picture]()
         for number in self._output.kinds_at(frame.number):
             if number == 0 and not spec.shows_anything:
-                found[0] = Picture(frame.image)
+                found[0] = Picture(frame.image, dpi=kinds[0].dpi)
                 continue
             kind = kinds[number].at(frame.number)
             image = reduce_radiance(radiance, self._output.size[0] // kind.size[0])
@@ -32,6 +32,7 @@ class PictureMaker:
             found[number] = Picture(
                 quantize(
                     image, kind.background_at(frame.number), kind.depth, is_linear=frame.stage.scene.light is not None
-                )
+                ),
+                dpi=kind.dpi,
             )
         return found

@@ -256,6 +256,8 @@ def test_entries_have_the_color_and_size_of_the_annotation_or_their_own() -> Non
     alone = Annotator(annotation(title={"text": "a", "size": 0.05}), FACTS)
     assert annotator.sketch("title", FRAME).height == alone.sketch("title", FRAME).height
     for background, level in ((None, 0.0), (WHITE, 0.0), (FACTS.background, 1.0)):
-        (patch,) = Annotator(annotation(title={"text": "I", "size": 0.1}), replace(FACTS, background=background)).patches(FRAME)
+        (patch,) = Annotator(
+            annotation(title={"text": "I", "size": 0.1}), replace(FACTS, background=background)
+        ).patches(FRAME)
         assert (patch.rgba == (level, level, level, 1.0)).all(axis=2).any()
         assert not (patch.rgba == (1 - level, 1 - level, 1 - level, 1.0)).all(axis=2).any()
