@@ -16,7 +16,17 @@ from renderer.annotation import LEAST_SHARE, Box, FrameFacts, film_facts, frame_
 from renderer.errors import Problem
 from renderer.frame.preparation import StageMaker, points_in_frame
 from renderer.layers import Layer, parts_over_frames
-from renderer.scene import CameraSpec, FilmScene, Vector, min_tolerance, raise_problems
+from renderer.scene import (
+    CameraPath,
+    CameraSpec,
+    FilmScene,
+    FlightPath,
+    HoldPath,
+    PathSequence,
+    Vector,
+    min_tolerance,
+    raise_problems,
+)
 from renderer.splats import GAUSSIAN_CUTOFF
 from renderer.view import (
     WHOLE_PICTURE,
@@ -122,7 +132,8 @@ def _room_beside(
     """
     annotation, room, distance = scene.at(0).annotation, WHOLE_PICTURE, fit(WHOLE_PICTURE)
     taken: dict[str, Box] = {}
-    for _ in range(_MOST_ROUNDS if annotation.entries and annotation.layout == "beside" else 0):
+    is_beside = annotation.entries and annotation.layout == "beside" and not _is_flight(camera.path)
+    for _ in range(_MOST_ROUNDS if is_beside else 0):
         now = taken | _taken(scene, layers, replace(camera, distance=distance, shift=room.shift), taken)
         if now == taken:
             break
@@ -135,6 +146,14 @@ def _room_beside(
             raise_problems([Problem("annotation", "leaves no room for the object", got, expected, hint)])
         distance, room = min((fit(each), each) for each in rooms)
     return room, distance
+
+
+def _is_flight(path: CameraPath) -> bool:
+    """Return whether the scene places the eye and its target itself, on the whole path."""
+    pieces = path.pieces if isinstance(path, PathSequence) else (path,)
+    return any(isinstance(each, FlightPath) for each in pieces) and all(
+        isinstance(each, (FlightPath, HoldPath)) for each in pieces
+    )
 
 
 def _taken(scene: FilmScene, layers: Sequence[Layer], camera: CameraSpec, before: dict[str, Box]) -> dict[str, Box]:

@@ -69,6 +69,9 @@ def test_what_the_scene_says_of_the_camera_is_kept() -> None:
         assert (stage.distance, stage.shift) == (90.0, (0.0, 0.0))
     aside = stage_of(ALL, camera=CAMERA | {"shift": [0.2, 0.1]})
     assert aside.shift == (0.2, 0.1) and aside.distance > stage_of({}).distance
+    key = {"position": [15, -90, 9], "target": [15, 14, 9]}
+    flight = stage_of(ALL, camera={"path": {"type": "flight", "frames": 2, "keys": [key]}})
+    assert flight.shift == (0.0, 0.0)
     plain = stage_of({"octree": True})
     assert (plain.distance, plain.shift) == (stage_of({}).distance, (0.0, 0.0))
 
