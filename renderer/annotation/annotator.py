@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from renderer.annotation.entries import DRAWERS, MIN_TEXT_PX, MIN_TRIAD_PX, Pen
-from renderer.annotation.facts import AnnotationFacts, FrameFacts
-from renderer.annotation.sketch import Patch, Sketch, is_light
+from renderer.annotation.facts import AnnotationFacts, FrameFacts, Side
+from renderer.annotation.sketch import Patch, Sketch, is_light, polygon
 from renderer.annotation.text import Font
 from renderer.errors import InputError, Problem
-from renderer.scene import AnnotationSpec, Color, EntrySpec
+from renderer.scene import AnnotationSpec, Color, EntrySpec, NamesSpec
+from renderer.volume import UInt8
 
 # The distance of entries from the edges of the picture, as a share of the picture's shorter side.
 _MARGIN = 0.04
@@ -22,6 +24,14 @@ _GAP = 0.02
 # The largest width of the rim around an entry, in pixels.
 _MAX_RIM_PX = 4
 
+# The sides of the picture with names of labels, in the order of `AnnotationFacts.names`.
+_SIDES: tuple[Side, Side] = ("left", "right")
+# The part of the picture's height that columns of names leave free for entries in the corners.
+_CORNERS = 0.22
+# The largest distance between names in a column, as a multiple of their height.
+_PITCH = 5.0
+# The opacity of a name whose label is not visible on a frame.
+_FAINT = 0.4
 # The factors of a picture's size that are tried for an entry without room.
 _LARGER = (1.25, 1.5, 2, 3, 4, 6, 8)
 # The least sizes of entries in pixels, where they are not those of a text.
@@ -49,7 +59,8 @@ class Annotator:
     def patches(self, frame: FrameFacts) -> list[Patch]:
         """Return the patches to put over the picture of a frame, in the order of drawing."""
         sketches = {key: self.sketch(key, frame) for key in self._entries}
-        return [self._finished(key, sketches[key], place) for key, place in self.places(sketches).items()]
+        patches = [self._finished(key, sketches[key], place) for key, place in self.places(sketches).items()]
+        return [*patches, *self._name_patches(frame)]
 
     def sketch(self, key: str, frame: FrameFacts) -> Sketch:
         """Return the drawing of an entry on a frame; empty if there is nothing to show.
@@ -88,7 +99,55 @@ class Annotator:
         rim = 0 if key == "logo" else min(max(self._pen.px(self._spec.size_of(key)) // 12, 1), _MAX_RIM_PX)
         return Patch(sketch.finish(self._color(spec, row + sketch.height / 2), rim), row - rim, column - rim)
 
-    def _color(self, spec: EntrySpec, row: float) -> Color:
+    def name_places(self) -> dict[tuple[Side, int], NamePlace]:
+        """Return the places of the names of labels, by side and rank: in two columns, which are even and centred.
+
+        Raises InputError if names do not fit into a column, or the picture.
+        """
+        if self._spec.names is None:
+            return {}
+        found = dict[tuple[Side, int], NamePlace]()
+        (width, height), px = self._facts.size, self._pen.px(self._name_size)
+        for side, names in zip(_SIDES, self._facts.names, strict=True):
+            lines = [self._pen.font.line(text, px).mask for text, _ in names]
+            if not lines:
+                continue
+            across, down = max(line.shape[1] for line in lines), len(lines[0])
+            pitch = min((height - 2 * self.margin - _CORNERS * height) / len(lines), _PITCH * down)
+            if pitch < down or 3 * (across + self.margin) > width:
+                got = f"{len(lines)} names at the {side}, at most {across} x {down} pixels each"
+                expected = f"a third of the width of {width} pixels, and {1 - _CORNERS:.0%} of the height of {height}"
+                hint = "a smaller size, a larger picture, or fewer labels"
+                raise InputError("do not fit beside the object", got=got, expected=expected, hint=hint)
+            for rank, line in enumerate(lines):
+                row = round(height / 2 + (rank - (len(lines) - 1) / 2) * pitch - down / 2)
+                left, inner = self.margin + across - line.shape[1], self.margin + across + px // 3
+                column = left if side == "left" else width - self.margin - across
+                found[side, rank] = NamePlace(row, column, line, inner if side == "left" else width - inner)
+        return found
+
+    @property
+    def _name_size(self) -> float:
+        own = self._spec.names.size if self._spec.names is not None else None
+        return self._spec.size if own is None else own
+
+    def _name_patches(self, frame: FrameFacts) -> Iterator[Patch]:
+        """Yield the names of labels, each after the line to its label. A name without a visible label is faint."""
+        px, spec = self._pen.px(self._name_size), self._spec.names
+        if spec is None:
+            return
+        rim, half = min(max(px // 12, 1), _MAX_RIM_PX), max(px / 24, 0.6)
+        for key, place in self.name_places().items():
+            middle = place.row + len(place.line) / 2
+            color = self._color(spec, middle)
+            if (anchor := frame.anchors.get(key)) is not None:
+                yield _leader((place.inner, middle), anchor, half).finish_at(color, 1)
+            sketch = Sketch()
+            sketch.draw(place.line, 0, 0)
+            rgba = sketch.finish(color, rim)
+            yield Patch(rgba if anchor is not None else _FAINT * rgba, place.row - rim, place.column - rim)
+
+    def _color(self, spec: EntrySpec | NamesSpec, row: float) -> Color:
         """Return the colour of an entry: its own, that of all entries, or else a readable one.
 
         The readable colour is white on a dark background, and black on a light or transparent one.
@@ -105,6 +164,42 @@ class Annotator:
         return (0.0, 0.0, 0.0) if is_light((red, green, blue)) else (1.0, 1.0, 1.0)
 
 
+class NamePlace(NamedTuple):
+    """The place of a name: its first row and column, its mask, and the column where its line begins."""
+
+    row: int
+    column: int
+    line: UInt8
+    inner: int
+
+
+def _leader(start: tuple[float, float], end: tuple[float, float], half: float) -> PlacedSketch:
+    """Return a line with a dot at its end. start, end: (x, y), in pixels. half: half the line's width, in pixels."""
+    left, top = (math.floor(min(pair) - 6 * half) for pair in zip(start, end, strict=True))
+    (x, y), (end_x, end_y) = ((place[0] - left, place[1] - top) for place in (start, end))
+    length, whole = max(math.hypot(end_x - x, end_y - y), 1.0), Sketch()
+    aside = -half * (end_y - y) / length, half * (end_x - x) / length
+    line = [(x + aside[0], y + aside[1]), (end_x + aside[0], end_y + aside[1])]
+    line += [(end_x - aside[0], end_y - aside[1]), (x - aside[0], y - aside[1])]
+    turns = [math.pi * k / 6 for k in range(12)]
+    dot = [(end_x + 4 * half * math.cos(turn), end_y + 4 * half * math.sin(turn)) for turn in turns]
+    for corners in (line, dot):
+        whole.draw(*polygon(corners))
+    return PlacedSketch(whole, top, left)
+
+
+class PlacedSketch(NamedTuple):
+    """A drawing with the row and the column of its first pixel in the picture."""
+
+    sketch: Sketch
+    row: int
+    column: int
+
+    def finish_at(self, color: Color, rim: int) -> Patch:
+        """Return the drawing as a patch, in a colour and with a rim."""
+        return Patch(self.sketch.finish(color, rim), self.row - rim, self.column - rim)
+
+
 def annotation_problems(spec: AnnotationSpec, facts: AnnotationFacts, frames: Sequence[FrameFacts]) -> list[Problem]:
     """Return the problems of an annotation on the given frames: files that cannot be read, entries without room."""
     try:
@@ -119,10 +214,34 @@ def annotation_problems(spec: AnnotationSpec, facts: AnnotationFacts, frames: Se
                 sketches[key] = annotator.sketch(key, frame)
             except InputError as error:
                 found.setdefault(key, _problem(key, error))
+        for lack in _name_problems(annotator, spec, sketches):
+            found.setdefault("names", _problem("names", lack))
         for key, lack in _without_room(annotator, facts, sketches):
             if key not in found:
                 found[key] = replace(_problem(key, lack), hint=_room_hint(spec, facts, frame, key))
     return list(found.values())
+
+
+def _name_problems(annotator: Annotator, spec: AnnotationSpec, sketches: Mapping[str, Sketch]) -> Iterator[InputError]:
+    """Yield what keeps names from being drawn: no labels, no side, no room, or an entry in their place."""
+    if spec.names is None:
+        return
+    try:
+        names = annotator.name_places()
+    except InputError as error:
+        yield error
+        return
+    if not names and not spec.name_sides:
+        hint = "give one of the entries in the middle of the sides another position"
+        yield InputError("have no side of the picture", hint=hint)
+    elif not names:
+        yield InputError("nothing has a name", expected="labels that some voxels have")
+    for key, (row, column) in annotator.places(sketches).items():
+        bottom, right = row + sketches[key].height, column + sketches[key].width
+        for place in names.values():
+            low, last = place.row + len(place.line), place.column + place.line.shape[1]
+            if row < low and place.row < bottom and column < last and place.column < right:
+                yield InputError(f"cover annotation.{key}", hint="give it a smaller size, or another position")
 
 
 def _problem(key: str, error: InputError) -> Problem:

@@ -6,19 +6,23 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
+from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts, Side
+from renderer.annotation.names import NamedLabel
 from renderer.layers import Layer
-from renderer.scene import FilmScene, PictureKind, Scene, moving_numbers, moving_values
+from renderer.scene import Color, FilmScene, PictureKind, Scene, moving_numbers, moving_values
 from renderer.view import View
 
 # The number of samples of a transfer function along its color bar.
 _NUM_BAR_SAMPLES = 256
 
 
-def film_facts(scene: Scene, layers: Sequence[Layer], kind: PictureKind) -> AnnotationFacts:
+def film_facts(
+    scene: Scene, layers: Sequence[Layer], kind: PictureKind, names: Sequence[NamedLabel] = ()
+) -> AnnotationFacts:
     """Return the facts about a film that an annotation shows on all frames alike.
 
     scene: the scene at a frame, with its layers. kind: the kind of the pictures, with a background that does not move.
+    names: the labels that are named beside the object.
     """
     background, volumes = kind.background_at(0), [layer.volume for layer in layers]
     axes = {volume.world_axes for volume in volumes}
@@ -30,6 +34,7 @@ def film_facts(scene: Scene, layers: Sequence[Layer], kind: PictureKind) -> Anno
         world_axes=axes.pop() if len(axes) == 1 else "",
         bars=tuple(_bars(layers)),
         legend=tuple(_legend(layers)),
+        names=(_column(names, "left"), _column(names, "right")),
     )
 
 
@@ -53,6 +58,10 @@ def frame_facts(film: FilmScene, layers: Sequence[Layer], view: View, frame: int
         world_per_pixel=side if length_unit(layers) else side / volume.finest_spacing,
         axes=(right, up, away),
     )
+
+
+def _column(names: Sequence[NamedLabel], side: Side) -> tuple[tuple[str, Color], ...]:
+    return tuple((each.text, each.color) for each in names if each.side == side)
 
 
 def length_unit(layers: Sequence[Layer]) -> str:

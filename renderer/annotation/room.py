@@ -52,6 +52,11 @@ def taken_boxes(spec: AnnotationSpec, facts: AnnotationFacts, frames: Sequence[F
                 if sketches[key].width:
                     box = Box(column / width, row / height, right / width, bottom / height)
                     boxes[key] = box.joined(boxes.get(key, box))
+        for (side, rank), place in annotator.name_places().items():
+            right, bottom = place.column + place.line.shape[1], place.row + len(place.line)
+            edge = right if side == "left" else width
+            start = 0 if side == "left" else place.column
+            boxes[f"names.{side}.{rank}"] = Box(start / width, place.row / height, edge / width, bottom / height)
     return boxes
 
 

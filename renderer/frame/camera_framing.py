@@ -12,7 +12,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.annotation import LEAST_SHARE, Box, FrameFacts, film_facts, frame_facts, free_rooms, taken_boxes
+from renderer.annotation import (
+    LEAST_SHARE,
+    Box,
+    FrameFacts,
+    NamedLabel,
+    film_facts,
+    frame_facts,
+    free_rooms,
+    named_labels,
+    taken_boxes,
+)
 from renderer.errors import Problem
 from renderer.frame.preparation import StageMaker, points_in_frame
 from renderer.layers import Layer, parts_over_frames
@@ -132,7 +142,7 @@ def _room_beside(
     """
     annotation, room, distance = scene.at(0).annotation, WHOLE_PICTURE, fit(WHOLE_PICTURE)
     taken: dict[str, Box] = {}
-    is_beside = annotation.entries and annotation.layout == "beside" and not _is_flight(camera.path)
+    is_beside = annotation.has_patches and annotation.layout == "beside" and not _is_flight(camera.path)
     for _ in range(_MOST_ROUNDS if is_beside else 0):
         now = taken | _taken(scene, layers, replace(camera, distance=distance, shift=room.shift), taken)
         if now == taken:
@@ -162,9 +172,9 @@ def _taken(scene: FilmScene, layers: Sequence[Layer], camera: CameraSpec, before
     camera: the camera of the first frame, framed.
     """
     assert isinstance(camera.target, tuple) and camera.distance is not None
-    found, num_frames = dict(before), scene.num_frames
+    found, num_frames, names = dict(before), scene.num_frames, names_of(scene, layers)
     for kind in scene.output.kinds:
-        facts, shown = film_facts(scene.at(0), layers, kind.at(0)), list[FrameFacts]()
+        facts, shown = film_facts(scene.at(0), layers, kind.at(0), names), list[FrameFacts]()
         for frame in tried_frames(range(num_frames)):
             at = scene.at(frame).camera
             view = make_view(
@@ -178,6 +188,12 @@ def _taken(scene: FilmScene, layers: Sequence[Layer], camera: CameraSpec, before
         for key, box in taken_boxes(scene.at(0).annotation, facts, shown).items():
             found[key] = box.joined(found.get(key, box))
     return found
+
+
+def names_of(scene: FilmScene, layers: Sequence[Layer]) -> list[NamedLabel]:
+    """Return the labels that the annotation of a film names beside the object. layers: those of a frame."""
+    first = scene.at(0)
+    return named_labels(layers, first.camera.path, first.annotation.name_sides) if first.annotation.names else []
 
 
 def tried_frames(frames: Sequence[int]) -> list[int]:

@@ -11,16 +11,19 @@ import numpy as np
 from renderer.annotation import (
     AnnotationFacts,
     Annotator,
+    NamedLabel,
     annotation_problems,
     draw_annotation,
     film_facts,
+    find_anchors,
     frame_facts,
     length_unit,
 )
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
-from renderer.frame.camera_framing import WIDEST_PSNR, tried_frames
+from renderer.frame.camera_framing import WIDEST_PSNR, names_of, tried_frames
 from renderer.frame.stage import FilmStage, Stage, view_of
+from renderer.layers import Layer
 from renderer.scene import PictureKind, join_words, raise_problems
 from renderer.volume import Bools, Float32
 
@@ -33,6 +36,7 @@ class FilmAnnotation:
         # Annotators are kept, because each one keeps the drawings that do not change from frame to frame.
         self._annotator = lru_cache(len(self._output.kinds))(Annotator)
         self._facts: tuple[FilmStage, dict[PictureKind, AnnotationFacts]] = film, {}
+        self._names: tuple[Sequence[Layer], Sequence[NamedLabel]] = (), ()
 
     def draw(self, image: Float32, kind: PictureKind, stage: Stage, frame: int, psnr: float | None) -> None:
         """Draw the annotation over a picture of a frame, float32 [h, w, 4].
@@ -43,10 +47,15 @@ class FilmAnnotation:
         if stage is not self._facts[0]:
             self._facts = stage, {}
         known = self._facts[1]
+        if stage.layers is not self._names[0]:
+            self._names = stage.layers, names_of(self._film.scene, stage.layers)
+        names = self._names[1]
         if kind not in known:
-            known[kind] = film_facts(stage.scene, stage.layers, kind)
+            known[kind] = film_facts(stage.scene, stage.layers, kind, names)
         annotator = self._annotator(stage.scene.annotation, known[kind])
-        facts = frame_facts(self._film.scene, stage.layers, view_of(stage, frame), frame, kind)
+        view = view_of(stage, frame)
+        facts = frame_facts(self._film.scene, stage.layers, view, frame, kind)
+        facts = replace(facts, anchors=find_anchors(names, stage.layers, view, kind.size[0]))
         patches = annotator.patches(facts.with_accuracy(psnr))
         draw_annotation(image, patches, is_linear=stage.scene.light is not None)
 
@@ -70,9 +79,10 @@ class FilmAnnotation:
 def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
     """Raise SceneError if the annotation of a film cannot be drawn over the pictures of some of the given frames."""
     annotation = film.scene.at(0).annotation
-    if not annotation.entries:
+    if not annotation.has_patches:
         return
     problems: list[Problem] = []
+    names = names_of(film.scene, film.layers)
     for kind in film.scene.output.kinds:
         shown = []
         for frame in tried_frames(frames):
@@ -81,7 +91,7 @@ def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
             stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
             view = view_of(stage, frame)
             shown.append(frame_facts(film.scene, stage.layers, view, frame, kind).with_accuracy(WIDEST_PSNR))
-        facts = film_facts(film.first.scene, film.layers, kind.at(0))
+        facts = film_facts(film.first.scene, film.layers, kind.at(0), names)
         for problem in annotation_problems(annotation, facts, shown):
             files = [each.file.name for each in film.scene.output.files if each.kind == kind]
             where = f", in {join_words(files, 'and')}" if film.scene.output.others else ""

@@ -26,7 +26,7 @@ class PictureMaker:
                 continue
             kind = kinds[number].at(frame.number)
             image = reduce_radiance(radiance, self._output.size[0] // kind.size[0])
-            if spec.entries:
+            if spec.has_patches:
                 image = image.copy() if image is frame.radiance else image
                 self._annotation.draw(image, kind, frame.stage, frame.number, psnr)
             found[number] = Picture(

@@ -117,6 +117,27 @@ class LogoSpec(EntrySpec):
     file: Annotated[Path, file_field("a picture: PNG, JPEG or WebP", folder=False)]
 
 
+@dataclass(frozen=True, kw_only=True)
+class NamesSpec:
+    """The names of labels at the sides of the picture, with lines to their labels.
+
+    size, color: as of an entry.
+    """
+
+    size: Annotated[float | None, _SIZE] = None
+    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
+
+
+def _parse_names(node: TreeNode) -> Any:
+    if isinstance(node.value, bool):
+        return NamesSpec() if node.value else None
+    return _NAMES_SECTION.parser(node) if isinstance(node.value, Mapping) else node.reject("neither true nor a mapping")
+
+
+_NAMES_SECTION = schema.dataclass_field(NamesSpec)
+_NAMES = schema.FieldType[Any]("true, or a mapping", _parse_names, table=_NAMES_SECTION.table)
+
+
 def _entry(cls: Any, position: Position, size: float | None = None, short: str | None = None) -> schema.FieldType[Any]:
     """Return the field type of an entry of class `cls`.
 
@@ -151,6 +172,7 @@ class AnnotationSpec:
     layout: `beside` frames the object into the room that entries leave; `over` puts entries over the picture.
     color: the color of entries whose own color is `auto`. `auto` is white on a dark background, and black on a light or
         transparent one.
+    names: the names of labels beside the object, with lines to them; None for none.
     size: the height of texts whose entries have no size of their own, as a share of the picture's height.
     """
 
@@ -169,6 +191,7 @@ class AnnotationSpec:
     layout: Literal["beside", "over"] = "beside"
     color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
     size: Annotated[float, _SIZE] = 0.03
+    names: Annotated[NamesSpec | None, _NAMES] = None
 
     def written(self) -> object:
         """Return the section as a scene file has it: its keys. Defaults of keys that all entries share are left out."""
@@ -189,7 +212,19 @@ class AnnotationSpec:
     @property
     def shows_anything(self) -> bool:
         """Return whether the annotation draws anything."""
-        return bool(self.entries) or self.bounds or self.octree
+        return self.has_patches or self.bounds or self.octree
+
+    @property
+    def has_patches(self) -> bool:
+        """Return whether the annotation draws anything but lines in the volume."""
+        return bool(self.entries) or self.names is not None
+
+    @property
+    def name_sides(self) -> tuple[Literal["left", "right"], ...]:
+        """Return the sides of the picture where names have room, as no entry is in the middle of the side."""
+        taken = {entry.position for entry in self.entries.values()}
+        sides: tuple[Literal["left", "right"], ...] = ("left", "right")
+        return tuple(side for side in sides if side not in taken)
 
     @property
     def files(self) -> list[Path]:

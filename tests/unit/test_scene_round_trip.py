@@ -46,6 +46,7 @@ from renderer.scene import (
     MetricTarget,
     ModeSpec,
     Motion,
+    NamesSpec,
     OutputFile,
     OutputSpec,
     PathSequence,
@@ -106,6 +107,7 @@ ANNOTATION = AnnotationSpec(
     layout="over",
     color=(0.0, 1 / 3, 0.0),
     size=0.05,
+    names=NamesSpec(size=0.25, color=(0.0, 0.0, 1 / 3)),
 )
 PLAIN = Scene(
     layers=(LayerSpec(VolumeSpec(ProceduralSource("constant", (9, 9, 9))), TransferSpec(POINTS)),),
