@@ -63,8 +63,8 @@ _MAX_SIDE_OF_SMALL = 24
 WIDEST_PSNR = 100.0
 # The largest number of frames on which the annotation is tried before a film is drawn.
 _MOST_TRIED = 9
-# The largest number of times that the room beside the annotation is found. The second time, a scale bar fits the
-# distance that the first room led to; no scene was seen that needed a fourth time.
+# The largest number of times that the room beside the annotation is found. Each time, entries such as a scale bar fit
+# the distance that the room before led to. Five scenes took two or three times.
 _MOST_ROUNDS = 6
 
 
