@@ -68,12 +68,13 @@ class EntrySpec:
     """An entry of the annotation: a text, a bar or a picture that is drawn over finished pictures.
 
     position: the place in the picture. Entries at one position stack in the order of the keys, away from the edge.
-    size: the height of the text, or of the whole logo or orientation, as a share of the picture's height.
-    color: `auto` is white on a dark background and black on a light one.
+    size: the height of the text, or of the whole logo or orientation, as a share of the picture's height; None is the
+        size of the annotation's texts.
+    color: `auto` is the color of the annotation.
     """
 
     position: Position
-    size: Annotated[float, _SIZE]
+    size: Annotated[float | None, _SIZE] = None
     color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
 
 
@@ -116,7 +117,28 @@ class LogoSpec(EntrySpec):
     file: Annotated[Path, file_field("a picture: PNG, JPEG or WebP", folder=False)]
 
 
-def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None = None) -> schema.FieldType[Any]:
+@dataclass(frozen=True, kw_only=True)
+class NamesSpec:
+    """The names of labels at the sides of the picture, with lines to their labels.
+
+    size, color: as of an entry.
+    """
+
+    size: Annotated[float | None, _SIZE] = None
+    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
+
+
+def _parse_names(node: TreeNode) -> Any:
+    if isinstance(node.value, bool):
+        return NamesSpec() if node.value else None
+    return _NAMES_SECTION.parser(node) if isinstance(node.value, Mapping) else node.reject("neither true nor a mapping")
+
+
+_NAMES_SECTION = schema.dataclass_field(NamesSpec)
+_NAMES = schema.FieldType[Any]("true, or a mapping", _parse_names, table=_NAMES_SECTION.table)
+
+
+def _entry(cls: Any, position: Position, size: float | None = None, short: str | None = None) -> schema.FieldType[Any]:
     """Return the field type of an entry of class `cls`.
 
     A scene gives the entry as a mapping, as the value of its key `short` alone or, if no key is required, as true.
@@ -147,6 +169,11 @@ class AnnotationSpec:
 
     bounds: whether to draw lines around the volume, with ticks. octree: whether to draw the edges of cells.
     font: the file of the font of all texts; None is DejaVu Sans.
+    layout: `beside` frames the object into the room that entries leave; `over` puts entries over the picture.
+    color: the color of entries whose own color is `auto`. `auto` is white on a dark background, and black on a light or
+        transparent one.
+    names: the names of labels beside the object, with lines to them; None for none.
+    size: the height of texts whose entries have no size of their own, as a share of the picture's height.
     """
 
     title: Annotated[TitleSpec | None, _entry(TitleSpec, "top", short="text")] = None
@@ -161,16 +188,43 @@ class AnnotationSpec:
     octree: bool = False
     font: Annotated[Path | None, file_field("the file of a font: TrueType or OpenType", folder=False)] = None
 
+    layout: Literal["beside", "over"] = "beside"
+    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
+    size: Annotated[float, _SIZE] = 0.03
+    names: Annotated[NamesSpec | None, _NAMES] = None
+
+    def written(self) -> object:
+        """Return the section as a scene file has it: its keys. Defaults of keys that all entries share are left out."""
+        defaults = {"layout": "beside", "color": "auto", "size": 0.03}
+        return {key: value for key, value in vars(self).items() if defaults.get(key) != value}
+
     @property
     def entries(self) -> dict[str, EntrySpec]:
         """Return the entries that have a position, by key."""
         values = ((each.name, getattr(self, each.name)) for each in fields(self))
         return {key: value for key, value in values if isinstance(value, EntrySpec)}
 
+    def size_of(self, key: str) -> float:
+        """Return the size of an entry: its own, or the size of all texts. key: the key of the entry."""
+        size = self.entries[key].size
+        return self.size if size is None else size
+
     @property
     def shows_anything(self) -> bool:
         """Return whether the annotation draws anything."""
-        return bool(self.entries) or self.bounds or self.octree
+        return self.has_patches or self.bounds or self.octree
+
+    @property
+    def has_patches(self) -> bool:
+        """Return whether the annotation draws anything but lines in the volume."""
+        return bool(self.entries) or self.names is not None
+
+    @property
+    def name_sides(self) -> tuple[Literal["left", "right"], ...]:
+        """Return the sides of the picture where names have room, as no entry is in the middle of the side."""
+        taken = {entry.position for entry in self.entries.values()}
+        sides: tuple[Literal["left", "right"], ...] = ("left", "right")
+        return tuple(side for side in sides if side not in taken)
 
     @property
     def files(self) -> list[Path]:

@@ -274,6 +274,10 @@ _PATH = schema.FieldType(
 
 _TARGET = schema.word_or({"visible": "visible"}, schema.POINT_FIELD, f"{schema.POINT_FIELD.expected}, or visible")
 
+_SHIFT = schema.sequence_field(
+    schema.number_field(minimum=-0.5, maximum=0.5, motion=None), "[right, up]: two numbers from -0.5 to 0.5", count=2
+)
+
 
 @dataclass(frozen=True)
 class CameraSpec:
@@ -285,6 +289,9 @@ class CameraSpec:
     field_of_view: the vertical angle of view, in degrees. An orthographic camera shows as much as a perspective one
         does at the target: `2 distance tan(field_of_view / 2)` world units of height.
     near: nothing is drawn that is closer than this to the plane through the eye at right angles to the view.
+    shift: how far the target is from the middle of the picture, to the right and up, as shares of its width and height.
+        The view does not turn. None is the middle of the room that `annotation` leaves if `distance` is None, too; else
+        it is the middle of the picture.
     follow: see `target`. loop: with `ping-pong`, the camera goes along its path and back again.
     """
 
@@ -294,6 +301,7 @@ class CameraSpec:
     target: Annotated[Vector | Literal["visible"] | None, _TARGET] = None
     distance: Annotated[float | None, schema.LENGTH_FIELD] = None
     near: Annotated[float, schema.number_field(minimum=0, maximum=schema.MAX_WORLD_LENGTH)] = 0.0
+    shift: Annotated[tuple[float, float] | None, _SHIFT] = None
     follow: bool = False
     loop: Literal["restart", "ping-pong"] = "restart"
 
