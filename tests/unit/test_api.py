@@ -43,6 +43,9 @@ def problem(**options: Any) -> str:
 def test_all_mistakes_are_told_at_once_by_the_names_of_the_parameters() -> None:
     told = problem(spacing=(1, 0, 2), size=(3, "x"), transfer_function="virids", tolerance=-1, background="blu")
     assert told == (
+        "spacing.1: out of range\n"
+        "  got: 0\n"
+        "  expected: a number from 1e-30 to 1e+30\n"
         "transfer_function.colormap: unknown colormap\n"
         "  got: 'virids'\n"
         "  expected: a name such as viridis, gray, cividis_r or crameri:batlow\n"
@@ -57,10 +60,7 @@ def test_all_mistakes_are_told_at_once_by_the_names_of_the_parameters() -> None:
         "  got: 'blu'\n"
         '  expected: a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white, '
         "transparent, or {top, bottom} with two colors\n"
-        "  hint: did you mean blue?\n"
-        "spacing.1: out of range\n"
-        "  got: 0\n"
-        "  expected: a number from 1e-30 to 1e+30"
+        "  hint: did you mean blue?"
     )
 
 
@@ -85,7 +85,8 @@ def test_what_is_no_volume() -> None:
     with pytest.raises(renderer.InputError) as error:
         renderer.render_frame(ARRAY[0])
     assert str(error.value) == (
-        "the array does not have the axes of a volume\n  got: shape [4, 5]\n  expected: three axes, [z, y, x]"
+        "the array: not the axes of a volume\n  got: shape [4, 5]\n  expected: three axes, [z, y, x]\n"
+        "  hint: `array[numpy.newaxis]` is a volume of one slice"
     )
     with pytest.raises(renderer.InputError, match="the array: voxels of this type cannot be rendered"):
         renderer.render_frame(ARRAY.astype(complex))
