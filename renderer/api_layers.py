@@ -223,10 +223,11 @@ def _matrix(affine: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
     """Return an affine as a matrix. Raises InputError for anything else."""
     try:
         matrix = np.asarray(affine, np.float64)
+        got = f"shape {format_value(list(matrix.shape))}" if matrix.shape != (4, 4) else format_value(matrix.tolist())
     except (ValueError, TypeError):
-        matrix = np.empty(0)
+        matrix, got = np.empty(0), short_text(repr(affine))
     if matrix.shape != (4, 4) or not np.array_equal(matrix[3], [0, 0, 0, 1]):
-        got, expected = " ".join(short_text(repr(affine)).split()), "4 x 4 numbers, whose last row is [0, 0, 0, 1]"
+        expected = "4 x 4 numbers, whose last row is [0, 0, 0, 1]"
         raise InputError("not an affine", where=f"{name}: affine", got=got, expected=expected)
     return matrix
 

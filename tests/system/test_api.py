@@ -297,6 +297,8 @@ def test_a_look_may_be_labels_and_takes_their_place() -> None:
     look = scene.layers[0].transfer_function
     assert look.labels is not None and look.labels.values == (3,)
     again = renderer.render_frame(values, transfer_function=look, size=(24, 16))
+    assert scene.layers[0].shading is not None
+    scene = scene.with_layers(shading=None)
     assert again.tobytes() == renderer.render_frame(scene).tobytes()
     points = [(0, "red", 0), (3, "white", 0.5)]
     expected = renderer.render_frame(values, transfer_function=points, size=(24, 16))
