@@ -113,10 +113,16 @@ class Film:
         data = f"data:{kind};base64,{base64.b64encode(first.read_bytes()).decode()}"
         element = '<img src="{}">' if kind.startswith("image/") else '<video controls loop muted src="{}"></video>'
         count = f"{len(self.frames)} frame{'s' * (len(self.frames) != 1)}"
-        exact = [] if self.accuracy is None else [accuracy_text(self.accuracy)]
+        exact = [] if self.accuracy is None else [accuracy_text(self.accuracy), _error_in_words(self.accuracy)]
         lines = [f"{self.path}: {count}; how it was made: {self.sidecar}", *exact, *self.notes]
         caption = "<br>".join(html.escape(printable(line)) for line in lines)
         return f"<figure>{element.format(data)}<figcaption>{caption}</figcaption></figure>"
+
+
+def _error_in_words(accuracy: FilmAccuracy) -> str:
+    """Return a sentence on the root of the mean squared error of what is in the file."""
+    levels = 255 * 10 ** (-(accuracy.file or accuracy).psnr / 20)
+    return f"measured by exact rays: colours are off by {levels:.2g} of 255 levels (root mean square)"
 
 
 @dataclass(frozen=True)
@@ -302,7 +308,7 @@ def render(
     is_file = isinstance(scene, (str, os.PathLike)) and not is_volume_name(scene)
     path = scene_file(scene) if is_file else None
     job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
-    events = ProgressEvents(on_progress or NotebookBar())
+    events = NotebookBar() if on_progress is None else ProgressEvents(on_progress)
     result = make_film(job, open_local_executor, one_pass, events, resumes=resume)
     if result.shortfall is not None and not best_effort:
         raise result.shortfall

@@ -101,11 +101,6 @@ class Layer:
     mask: ImageLike | Layer | None = None
 
     @property
-    def is_placed(self) -> bool:
-        """Return whether the layer states a place or lengths itself."""
-        return self.spacing is not None or self.affine is not None
-
-    @property
     def wish(self) -> Wish | None:
         """Return the wish that steers the suggestion of a look; None if the layer has a look of its own."""
         match self.transfer_function:

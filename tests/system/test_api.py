@@ -61,7 +61,10 @@ def test_numbered_pictures_of_some_frames(frames: Any) -> None:
     command("--output", "other/{frame:02}.png", "--frames", "::2")
     for name in ("00.png", "02.png"):
         assert Path(name).read_bytes() == Path("other", name).read_bytes()
-    assert "image/png" in film._repr_html_() and "2 frames" in film._repr_html_()
+    shown = film._repr_html_()
+    assert "image/png" in shown and "2 frames" in shown
+    assert film.accuracy is not None
+    assert f"off by {255 * 10 ** (-film.accuracy.psnr / 20):.2g} of 255 levels" in shown
 
 
 def test_an_array_is_drawn_like_its_file() -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -141,3 +143,29 @@ def test_a_film_in_a_notebook_has_a_printable_name(tmp_path: Path) -> None:
     file = tmp_path / os.fsdecode(b"a\x1b\xff.gif")
     file.write_bytes(b"film")
     assert r"a\x1b\udcff.gif: 1 frame" in Film(file, (0,), tmp_path / "a.json")._repr_html_()
+
+
+class Notebook(ModuleType):
+    """IPython in the kernel of a notebook. It keeps what each handle shows."""
+
+    def __init__(self) -> None:
+        super().__init__("IPython")
+        self.shown: list[list[str]] = []
+        self.display = SimpleNamespace(HTML=str, display=self._display)
+
+    def get_ipython(self) -> SimpleNamespace:
+        return SimpleNamespace(kernel=None)
+
+    def _display(self, html: str, *, display_id: bool) -> SimpleNamespace:
+        assert display_id
+        self.shown.append([html])
+        return SimpleNamespace(update=self.shown[-1].append)
+
+
+def test_a_notebook_shows_how_much_is_drawn(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    monkeypatch.setitem(sys.modules, "IPython", notebook := Notebook())
+    turn = {"path": {"type": "turntable", "frames": 2}}
+    renderer.render(renderer.suggest_scene(ARRAY, size=(16, 16), camera=turn, output="film.gif"))
+    (told,) = notebook.shown
+    assert [html.rpartition("> ")[2] for html in told] == ["0 of 2 frames", "1 of 2 frames", "2 of 2 frames"]
+    assert told[1].startswith('<progress max="2" value="1">')
