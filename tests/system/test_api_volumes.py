@@ -18,6 +18,8 @@ z, y, x = np.mgrid[-1:1:12j, -1:1:14j, -1:1:16j]
 SCAN = (100 * np.clip(5 * (0.9 - np.sqrt(x * x + y * y + z * z)), 0, 1) + 5 * np.sin(9 * x)).astype(np.float32)
 LABELS = (1 * ((x - 0.3) ** 2 + y * y + z * z < 0.1) + 2 * ((x + 0.4) ** 2 + y * y + z * z < 0.1)).astype(np.uint8)
 CHANNELS = [(900 * np.exp(-9 * ((x - at) ** 2 + y * y + z * z)) + 9 * x + 9).astype(np.uint16) for at in (-0.5, 0, 0.5)]
+# More values than there may be labels.
+NOISE = np.random.default_rng(1).random((42, 42, 42))
 AFFINE = np.array([[0, 2.0, 0, 3], [1, 0, 0, 4], [0, 0, -1.5, 5], [0, 0, 0, 1]])
 SIZE: Any = {"size": (24, 20)}
 
@@ -66,6 +68,7 @@ def with_files(scene: renderer.FilmScene) -> str:
 def test_volumes_are_drawn_like_files(volumes: Any, options: dict[str, Any], names: list[str], blend: str) -> None:
     scene = renderer.suggest_scene(volumes, output="{frame}.png", **SIZE, **options)
     assert ([layer.name for layer in scene.at(0).layers], scene.blend) == (names, blend)
+    assert {layer.mask is not None for layer in scene.at(0).layers} >= {"mask" in options}
     image = renderer.render_frame(volumes, 20, **SIZE, **options)
     assert image.max() > 60 and np.array_equal(renderer.render_frame(scene, 20), image)
     Path("scene.yaml").write_text(with_files(scene), "utf-8")
@@ -121,6 +124,7 @@ def test_arrays_lie_where_the_first_volume_does() -> None:
         (lambda: renderer.render_frame({"a": SCAN, "b": SCAN}, spacing=(1, 0, 1)), "spacing.1: out of range\n  got: 0\n"
          "  expected: a number from 1e-30 to 1e+30"),
         (lambda: renderer.render_frame(SCAN, labels=SCAN), "the array labels: this volume is no map of labels"),
+        (lambda: renderer.render_frame(NOISE, labels=NOISE), "the array labels: this volume is no map of labels"),
         (lambda: renderer.render_frame(SCAN, mask=SCAN), "the mask: this volume is no map of labels"),
         (lambda: renderer.render_frame(CHANNELS, labels={1: "a"}), "labels: names of labels, but not of which volume"),
         (lambda: renderer.render_frame(CHANNELS, transfer_function="gray"), "transfer_function: of several volumes"),
@@ -135,7 +139,7 @@ def test_arrays_lie_where_the_first_volume_does() -> None:
 def test_wrong_volumes(call: Any, told: str) -> None:
     with pytest.raises(renderer.InputError) as error:
         call()
-    assert str(error.value).startswith(told), str(error.value)
+    assert str(error.value).startswith(told) and str(error.value).count(told) == 1, str(error.value)
 
 
 @pytest.mark.slow
