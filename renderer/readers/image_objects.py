@@ -28,6 +28,8 @@ from renderer.volume import Array
 _LPS_FROM_RAS = (-1.0, -1.0, 1.0)
 # The words for voxels in messages.
 _EXPECTED = "three axes, [z, y, x]"
+# The largest number of characters of an object's text in a message; of a longer one, the type is shown.
+_MAX_SHOWN = 60
 
 
 def read_object(image: object, name: str, *, has_spacing_override: bool = False) -> Image:
@@ -47,7 +49,12 @@ def read_object(image: object, name: str, *, has_spacing_override: bool = False)
 def _read(image: object, has_spacing_override: bool) -> Image:
     found = next((read for names, read in _KINDS if all(hasattr(image, name) for name in names)), None)
     if found is not None:
-        return found(image, has_spacing_override)
+        try:
+            return found(image, has_spacing_override)
+        except (AttributeError, TypeError, ValueError, LookupError) as error:  # the attributes have another meaning
+            what, got = f"this {type(image).__name__} is not read", short_text(" ".join(str(error).split()))
+            expected = "an array, or an image of nibabel, ITK, SimpleITK, xarray or napari"
+            raise InputError(what, got=got, expected=expected) from error
     return Image(_three_axes(_values_of(image), image), np.eye(4), has_lengths=False)
 
 
@@ -74,7 +81,9 @@ def _values_of(values: Any) -> Array:
             hint=_hint_to_copy(values),
         ) from error
     if array.ndim == 0:
-        raise InputError("not the axes of a volume", got=short_text(repr(values)), expected=_EXPECTED)
+        is_short = len(repr(values)) <= _MAX_SHOWN
+        got = repr(values) if is_short else f"an object of type {type(values).__name__}"
+        raise InputError("not the axes of a volume", got=got, expected=_EXPECTED)
     return array.view(np.uint8) if array.dtype == np.bool_ else array
 
 
@@ -116,7 +125,7 @@ def _read_nibabel(image: Any, _: bool) -> Image:
         values = values[..., 0]
     check_dtype(values.dtype)
     values = _three_axes(values.T, image)
-    placed, axes = np.array(image.affine, np.float64), "LPS"
+    placed, axes = np.array(image.affine, np.float64).reshape(4, 4), "LPS"
     if hasattr(header, "get_sform") and not (header["sform_code"] > 0 or header["qform_code"] > 0):
         from renderer.readers.nifti import ras_from_index
 

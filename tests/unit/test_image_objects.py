@@ -137,6 +137,12 @@ class OnAnotherDevice:
         (Itk(spacing=(1, 1), origin=(0, 0)), ("not the axes", "2 axes with 5 components", "")),
         (data_array("tzyx", np.stack([VALUES] * 2)), ("not the axes", "t (2), z (3)", "`array.isel(t=0)`")),
         (data_array("zyx", x=Coordinates([0, 1, 4, 9, 16])), ("are not even", "x", "numpy.linspace(FIRST, LAST, 5)")),
+        ({"scan": VALUES}, ("not the axes", "an object of type dict", "")),
+        (SimpleNamespace(dims="z", coords={}, name="x"), ("SimpleNamespace is not read", "no attribute 'shape'", "")),
+        (
+            SimpleNamespace(dataobj=VALUES, affine=None, header={}),
+            ("SimpleNamespace is not read", "cannot reshape", ""),
+        ),
         (napari_layer(data=np.zeros((3, 3, 3, 3)), rgb=True), ("not the axes", "[3, 3, 3, 3]", "list")),
     ],
 )
