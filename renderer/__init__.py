@@ -1,9 +1,11 @@
 """hsplat as a library: scalar volumes to pictures and films.
 
-In: a scene file, a Scene or a numpy array [z, y, x]. Out: a frame, a film, or the exact picture, drawn in this process
-to the same bytes as by the command `hsplat render`. `docs/api.md` has all of it, with examples.
+In: a scene file, a Scene, or one or several volumes: arrays [z, y, x], images of other libraries, files. Out: a frame,
+a film, or the exact picture, drawn in this process to the same bytes as by the command `hsplat render`. `docs/api.md`
+has all of it, with examples.
 
-- `api.py`: the functions of this door; `api_scenes.py`: what they take. `errors.py`: every error that a user sees.
+- `api.py`: the functions of this door; `api_scenes.py` and `api_layers.py`: what they take. `errors.py`: every error
+  that a user sees.
 """
 
 import lazy_loader

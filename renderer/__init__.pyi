@@ -10,6 +10,7 @@ from .api import (
     render_frame as render_frame,
     suggest_scene as suggest_scene,
 )
+from .api_layers import Layer as Layer
 from .errors import (
     HsplatError as HsplatError,
     InputError as InputError,

@@ -9,19 +9,18 @@ import base64
 import html
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from renderer.api_layers import ImageLike, Layer, TransferLike, VolumesLike
 from renderer.api_scenes import (
     CameraLike,
     SceneLike,
-    TransferLike,
     argument_text,
     frame_number,
     frame_numbers,
@@ -113,10 +112,16 @@ class Film:
         data = f"data:{kind};base64,{base64.b64encode(first.read_bytes()).decode()}"
         element = '<img src="{}">' if kind.startswith("image/") else '<video controls loop muted src="{}"></video>'
         count = f"{len(self.frames)} frame{'s' * (len(self.frames) != 1)}"
-        exact = [] if self.accuracy is None else [accuracy_text(self.accuracy)]
+        exact = [] if self.accuracy is None else [accuracy_text(self.accuracy), _error_in_words(self.accuracy)]
         lines = [f"{self.path}: {count}; how it was made: {self.sidecar}", *exact, *self.notes]
         caption = "<br>".join(html.escape(printable(line)) for line in lines)
         return f"<figure>{element.format(data)}<figcaption>{caption}</figcaption></figure>"
+
+
+def _error_in_words(accuracy: FilmAccuracy) -> str:
+    """Return a sentence on the root of the mean squared error of what is in the file."""
+    levels = 255 * 10 ** (-(accuracy.file or accuracy).psnr / 20)
+    return f"measured by exact rays: colours are off by {levels:.2g} of 255 levels (root mean square)"
 
 
 @dataclass(frozen=True)
@@ -155,8 +160,10 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -
 
 @ctrl_c_stops_kernels()
 def suggest_scene(
-    volume: str | os.PathLike[str] | npt.ArrayLike,
+    volume: VolumesLike,
     *,
+    labels: ImageLike | Layer | Mapping[Any, Any] | None = None,
+    mask: ImageLike | Layer | None = None,
     spacing: Sequence[float] | None = None,
     transfer_function: TransferLike | None = None,
     camera: CameraLike | None = None,
@@ -165,16 +172,24 @@ def suggest_scene(
     tolerance: float | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> FilmScene:
-    """Make a scene that shows a volume: a turntable, with a transfer function that suits the values.
+    """Make a scene that shows a volume, or several in one picture: a turntable, with looks that suit the values.
 
     Parameters
     ----------
-    volume: an array [z, y, x] of integers, booleans or floats, which is never changed; or the name of a volume's file.
-    spacing: lengths of a voxel along (x, y, z), in world units; by default 1, or the spacing in the file.
+    volume: an array [z, y, x] of integers, booleans or floats, which is never changed; an image of nibabel, ITK,
+        SimpleITK or xarray, or a layer of napari, which has its own lengths and axes; or the name of a volume's file.
+        Several in a list, or in a mapping from names, make one picture, in which the light of each has a colour of its
+        own and adds up. A `Layer` gives a volume its own place and look. An array without a place lies on the grid of
+        the first volume.
+    labels: a volume of labels that is drawn in the volume, whose surface becomes a translucent shell; a `Layer` gives
+        the labels names. Or, for a volume that is labels itself, a mapping from numbers to names, or the keys of
+        `labels` in a scene file.
+    mask: a volume of labels: the picture shows only what is inside of them; a `Layer` chooses some of the labels.
+    spacing: lengths of a voxel along (x, y, z), in world units; by default 1, or the lengths of the image or the file.
     transfer_function: by default, a transfer function is suggested, as by `hsplat init`. Other values are the name of a
         colormap, for the colours of the suggestion; `{"preset": "bone"}`, with a preset of `hsplat init --preset`;
-        control points `(value, color, opacity)`; a mapping or a TransferSpec, as in a scene file; or
-        `{"labels": {...}}`. Opacities are per smallest spacing.
+        control points `(value, color, opacity)`; or a mapping or a TransferSpec, as in a scene file. Opacities are per
+        smallest spacing.
     camera: a mapping or a CameraSpec, as in a scene file. Missing keys have the values of a turntable of 120 frames, 20
         degrees above the object, framed so that nothing is cut off.
     size: (width, height) of the pictures, in pixels; 512 x 512 by default.
@@ -188,8 +203,10 @@ def suggest_scene(
     Example
     -------
     >>> scene = renderer.suggest_scene(array, spacing=(0.5, 0.5, 1.2))
+    >>> scene = renderer.suggest_scene({"nuclei": array, "membranes": array**2}, output="cells.mp4")
     """
-    options: dict[str, Any] = {"spacing": spacing, "transfer_function": transfer_function, "camera": camera}
+    options: dict[str, Any] = {"labels": labels, "mask": mask, "spacing": spacing}
+    options |= {"transfer_function": transfer_function, "camera": camera}
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": output}
     return make_scene(volume, options, is_volume=True)
 
@@ -199,6 +216,8 @@ def render_frame(
     scene: SceneLike,
     frame: int = 0,
     *,
+    labels: ImageLike | Layer | Mapping[Any, Any] | None = None,
+    mask: ImageLike | Layer | None = None,
     spacing: Sequence[float] | None = None,
     transfer_function: TransferLike | None = None,
     camera: CameraLike | None = None,
@@ -210,10 +229,11 @@ def render_frame(
 
     Parameters
     ----------
-    scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
+    scene: a Scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
+        suggested.
     frame: the number of the frame on the camera's path; -1 for the last frame.
-    spacing, transfer_function, camera, size, background, tolerance: as in `suggest_scene`; they replace the values of a
-        scene.
+    labels, mask, spacing, transfer_function, camera, size, background, tolerance: as in `suggest_scene`; they replace
+        the values of a scene.
 
     Returns the picture: a uint8 array [height, width, 3], or [height, width, 4] with straight alpha where the
     background is transparent. It has the bytes that `hsplat render` writes.
@@ -222,8 +242,10 @@ def render_frame(
     Example
     -------
     >>> image = renderer.render_frame(array, spacing=(1, 1, 2), background="white")
+    >>> image = renderer.render_frame(array, labels=array > 100, mask=array > 20)
     """
-    options: dict[str, Any] = {"spacing": spacing, "transfer_function": transfer_function, "camera": camera}
+    options: dict[str, Any] = {"labels": labels, "mask": mask, "spacing": spacing}
+    options |= {"transfer_function": transfer_function, "camera": camera}
     # Nothing is written, so the picture may have an odd size or be transparent, whatever the scene's output allows.
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": _ANY_PICTURE}
     made = make_scene(scene, options)
@@ -258,7 +280,8 @@ def render(
 
     Parameters
     ----------
-    scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
+    scene: a Scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
+        suggested.
     output: the only file to write, in place of the scene's outputs: film.mp4, film.webp and so on, a template such as
         `frames/{frame:04}.png` or, for one frame, a .png.
     frames: the frames to draw, ascending: `range(0, 30)`, `slice(None, None, 10)`, `-1`; all by default.
@@ -284,7 +307,7 @@ def render(
     is_file = isinstance(scene, (str, os.PathLike)) and not is_volume_name(scene)
     path = scene_file(scene) if is_file else None
     job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
-    events = ProgressEvents(on_progress or NotebookBar())
+    events = NotebookBar() if on_progress is None else ProgressEvents(on_progress)
     result = make_film(job, open_local_executor, one_pass, events, resumes=resume)
     if result.shortfall is not None and not best_effort:
         raise result.shortfall
@@ -300,7 +323,8 @@ def preview(scene: SceneLike) -> Page:
 
     Parameters
     ----------
-    scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
+    scene: a Scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
+        suggested.
 
     Returns the page, which notebooks display; its `html` is the content of a single file.
     Raises InputError, SceneError, and RenderError if a scene with splats finds no OpenGL.
@@ -333,7 +357,8 @@ def integrate(
 
     Parameters
     ----------
-    scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
+    scene: a Scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
+        suggested.
     frame: the number of the frame on the camera's path; -1 for the last frame.
     standard_error: with `light`, the wanted standard error of a pixel. Half of it takes four times as long.
     on_progress: a function that is called with the finished share, from 0 to 1.

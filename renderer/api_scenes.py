@@ -6,52 +6,57 @@ import contextlib
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from renderer.api_layers import (
+    Grid,
+    Layer,
+    VolumesLike,
+    labels_section,
+    layers_of,
+    mask_section,
+    plain,
+    volume_section,
+)
 from renderer.errors import InputError, SceneError
 from renderer.readers import is_volume_name, read_volume
 from renderer.resolve import resolve_scene
 from renderer.scene import (
-    MAX_DEPTH,
     ArraySource,
     CameraSpec,
     FilmScene,
-    ProceduralSource,
     Scene,
-    TransferSpec,
-    format_value,
+    VolumeSpec,
     load_scene,
     only_output,
     output_suffix,
     parse_scene,
     scene_to_dict,
     short_text,
-    spec_to_dict,
 )
-from renderer.suggest import FilmOptions, Wish
+from renderer.suggest import NO_WISH, FilmOptions, Wish, suggest_several
 
-# The types that the API takes for a scene: a scene, the name of a scene file, or a volume (an array or a file's name).
-SceneLike: TypeAlias = "FilmScene | str | os.PathLike[str] | npt.ArrayLike"
-# The types that the API takes for a transfer function: a colormap's name, control points, a mapping, or a TransferSpec.
-TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
+# The types that the API takes for a scene: a scene, the name of a scene file, or one or several volumes.
+SceneLike: TypeAlias = "FilmScene | VolumesLike"
 # The types that the API takes for a camera: a mapping, or a CameraSpec.
 CameraLike: TypeAlias = "Mapping[str, Any] | CameraSpec"
 
 # The keys of a scene, each with the parameter of the API that sets it. Errors name the parameter.
 _PARAMETERS = {
-    "volume.procedural.spacing": "spacing",
-    "volume.procedural.shape": "the array's shape",
     "volume.spacing": "spacing",
     "volume.file": "volume",
+    "mask.file": "mask",
     "output.size": "size",
     "output.background": "background",
     "output.file": "output",
     "error.tolerance": "tolerance",
 }
+# The look of a volume that a suggestion replaces.
+_PLACEHOLDER = {"points": [{"value": 0, "color": "white", "opacity": 1}]}
 
 
 def make_scene(
@@ -64,38 +69,135 @@ def make_scene(
     """
     if isinstance(source, (str, os.PathLike)) and not (is_volume or is_volume_name(source)):
         source = load_scene(scene_file(source), is_single_frame=True)
-    given = {name: _plain(value) for name, value in options.items() if value is not None}
-    is_new, array = not isinstance(source, FilmScene), None
+    labels, mask = options.get("labels"), options.get("mask")
+    others = {name: value for name, value in options.items() if value is not None and name not in ("labels", "mask")}
     if isinstance(source, FilmScene):
-        tree, array = scene_to_dict(source), source.at(0).layers[0].volume.source
-    elif isinstance(source, (str, os.PathLike)):
-        tree = _turntable() | {"volume": {"file": os.fspath(source)}}
-    else:
-        tree, array = _turntable() | {"volume": {}}, _array_source(source)
-    if isinstance(array, ArraySource):  # a constant volume stands for the array while the scene is parsed
-        section = {"name": "constant", "shape": list(array.shape), "spacing": given.pop("spacing", array.spacing)}
-        tree["volume"] = {key: value for key, value in tree["volume"].items() if key != "array"}
-        tree["volume"]["procedural"] = section
-    wish = _wish(given.get("transfer_function"))
+        given = {name: plain(value) for name, value in others.items()}
+        return _changed_scene(source, given, labels, mask, is_single_frame=is_single_frame)
+    layers = _with_labels(layers_of(source), labels)
+    transfer = others.pop("transfer_function", None)
+    if transfer is not None:
+        _require_one(layers, labels)
+        layers[0] = replace(layers[0], transfer_function=transfer)
+    given = {name: plain(value) for name, value in others.items()}
+    tree = _subject(layers, given.pop("spacing", None), mask) | _turntable()
     scene = _parse(_with_options(tree, given), is_single_frame=is_single_frame)
-    if isinstance(array, ArraySource):
-        stand_in = scene.at(0).layers[0].volume.source
-        assert isinstance(stand_in, ProceduralSource)
-        placed = replace(array, spacing=stand_in.spacing)
-        scene = scene.changed(lambda each: _with_source(each, placed))
+    return resolve_scene(_with_looks(scene, layers), read_volume)
+
+
+def _with_labels(layers: list[Layer], labels: Any) -> list[Layer]:
+    """Return the layers with the option `labels`: a volume of labels over them, or the names of their own labels."""
+    if isinstance(labels, Mapping):
+        if len(layers) > 1:
+            hint = "`renderer.Layer(values, labels=...)` says so"
+            got = argument_text(labels)
+            raise InputError("names of labels, but not of which volume", where="labels", got=got, hint=hint)
+        return [replace(layers[0], labels=labels, transfer_function=None)]
+    if labels is None:
+        return layers
+    (layer,) = layers_of([labels]) if isinstance(labels, Layer) else [Layer(labels)]
+    return [*layers, replace(layer, name=layer.name or "labels", labels=layer.labels or {})]
+
+
+def _require_one(layers: Sequence[Layer], labels: Any) -> None:
+    """Raise InputError for the option `transfer_function` with several volumes, or with names of labels."""
+    if len(layers) > 1 + (labels is not None):
+        hint = "`renderer.Layer(values, transfer_function=...)` gives each its own"
+        raise InputError("of several volumes each has its own", where="transfer_function", hint=hint)
+    if isinstance(labels, Mapping):
+        raise InputError("contradicts labels", where="transfer_function", expected="one of them")
+
+
+def _subject(layers: Sequence[Layer], spacing: Any, mask: Any) -> dict[str, Any]:
+    """Return the volumes, their looks and their masks as keys of a scene's tree. Looks are placeholders if open."""
+    entries: list[dict[str, Any]] = []
+    grid = None
+    for number, layer in enumerate(layers, 1):
+        called = f"the array {layer.name or number}" if len(layers) > 1 else ArraySource.name
+        section = volume_section(layer, called, spacing, grid)
+        if grid is None:
+            grid = partial(Grid.of_section, section)
+        look = look_keys(plain(layer.transfer_function))
+        if layer.labels is not None:
+            look = {"labels": labels_section(layer.labels)}
+        own = {} if layer.mask is None else {"mask": mask_section(layer.mask, partial(Grid.of_section, section))}
+        named = {"name": layer.name} if layer.name and len(layers) > 1 else {}
+        entries.append({"volume": section, **named, **look, **own})
+    assert grid is not None, "there is a layer"
+    shared = {} if mask is None else {"mask": mask_section(mask, grid)}
+    if len(entries) == 1:
+        return {**entries[0], **shared}
+    return {"volumes": [entry.pop("volume") | entry for entry in entries], **shared}
+
+
+def look_keys(given: Any) -> dict[str, Any]:
+    """Return the look of a volume as keys of a scene's tree. given: the plain data of a transfer function, or None."""
+    match given:
+        case {"labels": labels, **others} if not others:
+            return {"labels": labels}
+        case str(colormap):  # range and opacities are placeholders, which a suggestion replaces
+            return {"transfer_function": {"colormap": colormap, "range": [0, 1], "opacity": [[0, 1]]}}
+        case [*points]:
+            return {"transfer_function": {"points": [_control_point(point) for point in points]}}
+    is_open = given is None or Layer(0, transfer_function=given).wish is not None
+    return {"transfer_function": _PLACEHOLDER if is_open else given}
+
+
+def _with_looks(scene: FilmScene, layers: Sequence[Layer]) -> FilmScene:
+    """Return the scene with suggested looks for the volumes whose looks are open. layers: of the scene, as given."""
+    wishes = [layer.wish if layer.labels is None else None for layer in layers]
+    if any(layer.labels is not None for layer in layers):
+        scene = resolve_scene(scene, read_volume)  # refuses volumes that are no labels
+    elif not any(wish is not None for wish in wishes):
+        return scene
+    if len(layers) == 1:
+        return _lit_labels(scene) if wishes[0] is None else _with_suggestion(scene, wishes[0])
+    shown = tuple(suggest_several(scene.at(0).layers, wishes, read_volume))
+    blend = "add" if all(wish == NO_WISH for wish in wishes) else "mix"
+    return scene.changed(lambda each: replace(each, layers=shown, blend=blend))
+
+
+def _lit_labels(scene: FilmScene) -> FilmScene:
+    """Return a scene of labels with the light that is suggested for them."""
+    found = _with_suggestion(scene, Wish(preset="labels")).at(0).layers[0]
+    return scene.changed(lambda each: each.with_layers(shading=found.shading))
+
+
+def _changed_scene(
+    source: FilmScene, given: dict[str, Any], labels: Any, mask: Any, *, is_single_frame: bool
+) -> FilmScene:
+    """Return a scene with changes. given: options by their names, as plain data."""
+    tree = _tree_of(source)
+    if labels is not None:
+        if not isinstance(labels, Mapping):
+            hint = "`renderer.suggest_scene(volume, labels=...)` makes a scene with them"
+            expected = "a mapping from numbers to names"
+            raise InputError("a scene takes no further volume", where="labels", expected=expected, hint=hint)
+        given["transfer_function"] = {"labels": labels_section(labels)}
+    if mask is not None:
+        tree["mask"] = mask_section(mask, partial(Grid.of_volume, source.at(0).layers[0].volume))
+    transfer = given.get("transfer_function")
+    wish = None if transfer is None else Layer(0, transfer_function=transfer).wish
+    scene = _parse(_with_options(tree, given), is_single_frame=is_single_frame)
     # Plain data do not say where a transfer function was imported from, so the transfer functions of the given scene
     # are taken over.
-    if isinstance(source, FilmScene) and "transfer_function" not in given:
+    if transfer is None:
         scene = scene.changed(_with_transfer_functions, source)
-    suggests = wish is not None or (is_new and "transfer_function" not in given)
-    return resolve_scene(_with_suggestion(scene, wish) if suggests else scene, read_volume)
+    return resolve_scene(scene if wish is None else _with_suggestion(scene, wish), read_volume)
 
 
-def _with_source(scene: Scene, source: ArraySource) -> Scene:
-    """Return the scene with `source` in place of the source of its first volume."""
-    first, *others = scene.layers
-    first = replace(first, volume=replace(first.volume, source=source))
-    return replace(scene, layers=(first, *others))
+def _tree_of(scene: FilmScene) -> dict[str, Any]:
+    """Return a scene as a tree from which it can be parsed again: in the place of an array's keys it has the array."""
+    tree = scene_to_dict(scene)
+    for layer, entry in zip(scene.at(0).layers, tree.get("volumes", [tree]), strict=True):
+        sections: list[tuple[Any, VolumeSpec | str]] = [(entry.get("volume", entry), layer.volume)]
+        if layer.mask is not None:
+            sections.append((entry.get("mask", tree.get("mask")), layer.mask.volume))
+        for section, volume in sections:
+            if isinstance(volume, VolumeSpec) and isinstance(volume.source, ArraySource):
+                section.pop("array", None)
+                section["file"] = volume.source
+    return tree
 
 
 def _with_transfer_functions(scene: Scene, other: Scene) -> Scene:
@@ -104,22 +206,11 @@ def _with_transfer_functions(scene: Scene, other: Scene) -> Scene:
     return replace(scene, layers=tuple(layers))
 
 
-def _wish(transfer_function: Any) -> Wish | None:
-    """Return the colormap or preset that a suggestion shall have; None if `transfer_function` is not a name of one."""
-    match transfer_function:
-        case str(colormap):
-            return Wish(colormap)
-        case {"preset": str(preset), **others} if not others:
-            return Wish(preset=preset)
-    return None
-
-
 def _turntable() -> dict[str, Any]:
-    """Return the scene that `hsplat init` suggests, as a tree of plain data; its transfer function is a placeholder."""
+    """Return the scene that `hsplat init` suggests, without a volume, as a tree of plain data."""
     film = FilmOptions()
     path = {"type": "turntable", "frames": film.frames, "elevation": film.elevation, "axis": film.axis}
     return {
-        "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
         "camera": {"target": "visible", "path": path},
         "error": {"tolerance": film.tolerance},
         "output": {"file": "film.mp4"},
@@ -133,54 +224,14 @@ def scene_file(name: Any) -> Path:
     return Path(name)
 
 
-def _array_source(values: npt.ArrayLike) -> ArraySource:
-    if np.ma.is_masked(values):
-        raise InputError(
-            "a masked array, whose masked voxels would be drawn",
-            expected="an array without a mask",
-            hint="`array.astype(float).filled(numpy.nan)` hides the masked voxels, as NaN is hidden",
-        )
-    try:
-        array = values if isinstance(values, np.memmap) else np.asarray(values)
-    except (ValueError, TypeError, RuntimeError) as error:  # such as ragged lists, or tensors on another device
-        got = short_text(" ".join(str(error).split()))
-        raise InputError(
-            "this cannot be converted to an array", got=got, expected="numbers in three axes, [z, y, x]"
-        ) from error
-    if array.ndim != 3:
-        what = "the array does not have the axes of a volume"
-        got = f"shape {format_value(list(array.shape))}" if array.ndim else argument_text(values)
-        raise InputError(what, got=got, expected="three axes, [z, y, x]")
-    return ArraySource(array.view(np.uint8) if array.dtype == np.bool_ else array)
-
-
-def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
-    """Return an option as the plain data of a scene: numbers, texts, lists and mappings.
-
-    num_levels: the largest number of nested levels. Raises InputError if there are more.
-    """
-    if num_levels == 0:
-        raise InputError(f"an option of more than {MAX_DEPTH} levels", hint="does it contain itself?")
-    if isinstance(value, (np.ndarray, np.generic)):
-        return value.tolist()
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if isinstance(value, CameraSpec):  # None removes the keys of the scene that the camera does not set
-        return {"target": None, "distance": None} | spec_to_dict(value)
-    if isinstance(value, TransferSpec):
-        return {"labels": spec_to_dict(value)} if value.labels is not None else spec_to_dict(value)
-    if isinstance(value, Mapping):
-        return {key: _plain(item, num_levels - 1) for key, item in value.items()}
-    return [_plain(item, num_levels - 1) for item in value] if isinstance(value, (list, tuple)) else value
-
-
 def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return a scene's tree of plain data, in which options of `suggest_scene` replace values.
 
     given: the options by name, without options that are None.
     """
     if "spacing" in given:
-        tree["volume"]["spacing"] = given["spacing"]
+        for section in tree.get("volumes", [tree.get("volume")]):
+            section["spacing"] = given["spacing"]
     if "camera" in given:
         camera = given["camera"]
         if isinstance(camera, dict):
@@ -195,17 +246,9 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
     first = tree["output"][0] if isinstance(tree["output"], list) else tree["output"]
     first |= {key: given[name] for name, key in names.items() if name in given}
     if "transfer_function" in given:
-        tree.pop("labels", None)
-    match given.get("transfer_function"):
-        case {"labels": labels, **others} if not others:
-            tree.pop("transfer_function", None)
-            tree["labels"] = labels
-        case str(colormap):  # range and opacities are placeholders, which a suggestion replaces
-            tree["transfer_function"] = {"colormap": colormap, "range": [0, 1], "opacity": [[0, 1]]}
-        case [*points]:
-            tree["transfer_function"] = {"points": [_control_point(point) for point in points]}
-        case section if section is not None and _wish(section) is None:
-            tree["transfer_function"] = section
+        for key in ("labels", "transfer_function"):
+            tree.pop(key, None)
+        tree |= look_keys(given["transfer_function"])
     return tree
 
 
@@ -220,20 +263,24 @@ def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> FilmScene:
     try:
         return parse_scene(tree, base=Path.cwd(), is_single_frame=is_single_frame)
     except SceneError as error:
-        raise SceneError([replace(each, path=_parameter(each.path)) for each in error.problems]) from None
+        found = [replace(each, path=_parameter(each.path)) for each in error.problems]
+        raise SceneError([*dict.fromkeys(found)]) from None
 
 
 def _parameter(path: str) -> str:
     """Return the parameter of the API that sets a key of the scene; the key itself if there is no such parameter."""
+    first, _, rest = path.partition(".")
+    if first == "volumes" and rest.partition(".")[2].startswith("spacing"):
+        return rest.partition(".")[2]
     key = next((key for key in _PARAMETERS if path == key or path.startswith(f"{key}.")), None)
     return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
 
 
-def _with_suggestion(scene: FilmScene, wish: Wish | None) -> FilmScene:
+def _with_suggestion(scene: FilmScene, wish: Wish) -> FilmScene:
     """Return the scene with the transfer function, light and clip planes that are suggested for its first volume."""
     from renderer.suggest import suggest_for
 
-    found = suggest_for(scene.at(0).layers[0].volume, read_volume, wish=wish or Wish())
+    found = suggest_for(scene.at(0).layers[0].volume, read_volume, wish=wish)
     return scene.changed(found.applied_to)
 
 

@@ -68,20 +68,33 @@ class ProgressEvents(JobEvents):
         self._on_progress(self._num_finished, self._num_frames)
 
 
-class NotebookBar:
-    """A progress bar below the cell of a notebook. Outside of notebooks, it shows nothing."""
+class NotebookBar(JobEvents):
+    """A progress bar below the cell of a notebook, from the beginning of a pass on. Elsewhere, it shows nothing."""
 
     def __init__(self) -> None:
         ipython: Any = sys.modules.get("IPython")
         shell = ipython.get_ipython() if ipython else None
-        self._ipython = ipython if hasattr(shell, "kernel") else None
-        self._bar: Any = None
+        self._display = ipython.display if hasattr(shell, "kernel") else None
+        self._handle: Any = None
+        self._num_finished, self._num_frames = 0, 0
 
-    def __call__(self, num_finished: int, num_frames: int) -> None:
+    def started(self, label: str, num_frames: int) -> None:
+        """Show the bar of a pass."""
+        self._num_finished, self._num_frames = 0, num_frames
+        self._show()
+
+    def frame_finished(self, record: FrameRecord) -> None:
         """Show the share of the finished frames."""
-        if self._ipython is None:
+        self._num_finished += 1
+        self._show()
+
+    def _show(self) -> None:
+        if self._display is None:
             return
-        if self._bar is None:
-            self._bar = self._ipython.display.ProgressBar(num_frames)
-            self._bar.display()
-        self._bar.progress = num_finished
+        finished, frames = self._num_finished, self._num_frames
+        text = f"{finished} of {frames} frames"
+        bar = self._display.HTML(f'<progress max="{frames}" value="{finished}"></progress> {text}')
+        if self._handle is None:
+            self._handle = self._display.display(bar, display_id=True)
+        else:
+            self._handle.update(bar)

@@ -34,6 +34,8 @@ Formats that are parsed in Python:
 - `text_header.py`, `data_files.py`: the fields of text headers, and the data files that they name
 - `stored.py`: voxels, plain or compressed
 
+- `image_objects.py`: images in memory, of numpy, nibabel, ITK, SimpleITK, xarray and napari
+
 Formats that a library parses, in a child process:
 
 - `isolation.py`: the child process with its limits; `piece_journal.py`: what a process read before it was ended

@@ -1,5 +1,6 @@
 from .components import are_colors as are_colors
 from .image import Image as Image
+from .image_objects import is_image_object as is_image_object, read_object as read_object
 from .kept_levels import looking_once as looking_once
 from .overview import overview_level as overview_level
 from .sniff import (

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -190,11 +190,16 @@ def _tagged_step(tag: dict[str, Any]) -> tuple[float, float] | None:
 
 def _axis_along(scale: Dataset, name: str) -> Axis:
     """Return an axis with the coordinates of a dimension scale."""
-    unit, standard = text(scale, "units").strip(), text(scale, "standard_name").strip().lower()
-    positive, is_pressure = text(scale, "positive").strip().lower(), unit.lower() in _PRESSURES
+    return described_axis(len(scale), name, partial(text, scale))._replace(coordinates=scale)
+
+
+def described_axis(length: int, name: str, attribute: Callable[[str], str]) -> Axis:
+    """Return an axis, still without coordinates. attribute: returns the text of an attribute of its coordinates."""
+    unit, standard = attribute("units").strip(), attribute("standard_name").strip().lower()
+    positive, is_pressure = attribute("positive").strip().lower(), unit.lower() in _PRESSURES
     is_downwards = standard in _DOWNWARDS or (not standard and name.lower() == "depth") or is_pressure
     is_vertical = positive in ("up", "down") or is_downwards or standard in _UPWARDS
     ways = (way for way, pattern in _DEGREES.items() if pattern.fullmatch(unit))
-    own = text(scale, "axis").strip() or ("z" if is_vertical else "") or next(ways, "") or _STANDARD_WAYS.get(standard)
+    own = attribute("axis").strip() or ("z" if is_vertical else "") or next(ways, "") or _STANDARD_WAYS.get(standard)
     points_down = positive == "down" or (is_downwards and positive != "up")
-    return Axis(len(scale), name, unit, (own or name).lower(), points_down, coordinates=scale)
+    return Axis(length, name, unit, (own or name).lower(), points_down)

@@ -104,19 +104,29 @@ class Candidate(NamedTuple):
 
 
 def place_of(image: PlainImage, letters: str, has_spacing_override: bool) -> tuple[Float64, str, list[str]]:
-    """Return the affine of an image, float64 [4, 4], the unit that all lengths share, and notes.
-
-    The affine follows from coordinates or, without any, from the sizes of a voxel. The unit is empty if units differ.
-
-    has_spacing_override: whether uneven coordinates are allowed; otherwise they raise InputError.
-    """
+    """Return the affine of an image, float64 [4, 4], the unit that all lengths share, and notes, as `place_of_axes`."""
     space = [axis for axis, letter in zip(image.axes, letters, strict=True) if letter == "s"][::-1]
-    ways = _ways(space)
-    direction = np.eye(3)[:, ["xyz".index(way) for way in ways]]
     if not any(axis.has_lengths for axis in space):
+        direction = _direction(_ways(space))
         if len(image.sizes) == len(space) == 3:
             return affine(image.sizes[::-1], np.zeros(3), direction), "µm", []
         return affine(np.ones(3), np.zeros(3), direction), "", [image.lengths_note]
+    return place_of_axes(space, has_spacing_override)
+
+
+def _direction(ways: str) -> Float64:
+    return np.asarray(np.eye(3)[:, ["xyz".index(way) for way in ways]])
+
+
+def place_of_axes(space: Sequence[Axis], has_spacing_override: bool) -> tuple[Float64, str, list[str]]:
+    """Return the affine of axes of space, the fastest first, float64 [4, 4], the unit of all lengths, and notes.
+
+    The affine follows from coordinates; the step of an axis without any is 1. The unit is empty if units differ.
+
+    has_spacing_override: whether uneven coordinates are allowed; otherwise they raise InputError.
+    """
+    ways = _ways(space)
+    direction = _direction(ways)
     origin, spacing, units, notes = np.zeros(3), np.ones(3), dict[str, str](), list[str]()
     for column, axis in enumerate(space):
         if not axis.has_lengths:

@@ -176,7 +176,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     values, left_over = read_stored(layout, chosen._replace(part=(0, *chosen.part[1:])) if fields else chosen)
     values = values[fields[chosen.component]] if fields else values
     try:
-        ras_from_index, axes = _ras_from_index(header)
+        placed, axes = ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
         raise unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
@@ -185,7 +185,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     notes += [*[_ANALYZE] * _is_analyze(header), left_over, *chosen.notes, *_statements(header)]
     has_extensions = data_file is None and start[len(header.binaryblock) :][:1] not in (b"", b"\0")
     labels, wrong = labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
-    world_from_index = in_lps(ras_from_index, (-1.0, -1.0, 1.0))
+    world_from_index = in_lps(placed, (-1.0, -1.0, 1.0))
     all_notes, steps = (*notes, wrong), _steps(header, shape[3])
     if _is_analyze(header):
         length, value = (header[name].item().decode("latin-1") for name in ("vox_units", "cal_units"))
@@ -352,7 +352,7 @@ def _is_analyze(header: _Header) -> bool:
     return "sform_code" not in header
 
 
-def _ras_from_index(header: _Header) -> tuple[Float64, str]:
+def ras_from_index(header: _Header) -> tuple[Float64, str]:
     """Return the affine from voxel indices to RAS, float64 [4, 4], and `LPS` if it places the voxels in a body."""
     if _is_analyze(header):  # the world's origin is SPM's origin, or else the middle of the volume
         return np.array(header.get_origin_affine(), np.float64), ""

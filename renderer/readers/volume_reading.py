@@ -28,7 +28,7 @@ from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages
 from renderer.readers.sniff import find_volume
 from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.store_blocks import Blocks
-from renderer.readers.units import units_of
+from renderer.readers.units import Units, units_of
 from renderer.readers.volume_files import ISOLATED, marks_of_volume, marks_with_header
 from renderer.readers.voxel_colors import join_colors
 from renderer.readers.voxel_limits import (
@@ -54,6 +54,8 @@ _SHARE_OF_FREE = 1 / 8
 # The share of the free memory that the voxels of a level of a store may take, if the scene does not choose the level.
 # Their bricks, and copies for voxels without data, take about as much again.
 _SHARE_OF_LEVEL = 1 / 4
+# The sources with a place of their own, whose spacing a scene may replace.
+_WITH_SPACING = (FileSource, UrlSource, ArraySource)
 # The number of bytes that kept images may take if the system does not say how much memory is free.
 _KEPT_BYTES_IF_UNKNOWN = 256 << 20
 # The share of the free room on the disk of temporary files that kept images may take there.
@@ -212,7 +214,7 @@ def _with_spacing(image: Image, spec: VolumeSpec) -> tuple[Image, tuple[float, f
     """Return an image with the spacing that a scene gives, and the spacing that it replaces; raises InputError."""
     check_dtype(image.values.dtype)
     check_axes(image.world_from_index)
-    spacing, replaced = spec.source.spacing if isinstance(spec.source, (FileSource, UrlSource)) else None, None
+    spacing, replaced = spec.source.spacing if isinstance(spec.source, _WITH_SPACING) else None, None
     if spacing is not None:
         finest = _finest_affine(image)
         replaced = spacing_of(finest)
@@ -338,7 +340,9 @@ def _load(spec: VolumeSpec, time: int | None) -> Image:
     if isinstance(source, ArraySource):
         values = source.values.view()
         values.flags.writeable = False  # a view, so that the caller's array stays writeable
-    elif isinstance(source, RawSource):
+        is_placed, place = source.affine is not None, np.array(np.eye(4) if source.affine is None else source.affine)
+        return Image(values, place, units=Units(source.unit, source.world_axes), has_lengths=is_placed)
+    if isinstance(source, RawSource):
         from renderer.readers.numpy_arrays import map_raw
 
         values = map_raw(source)

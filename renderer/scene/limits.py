@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from renderer.errors import Problem, SceneError
 from renderer.scene.camera_section import CameraSpec, KeyframePath
 from renderer.scene.volume_files import FileSource, UrlSource
-from renderer.scene.volume_section import VolumeSpec
+from renderer.scene.volume_section import ArraySource, VolumeSpec
 
 if TYPE_CHECKING:
     from renderer.volume import Volume
@@ -68,11 +68,12 @@ def proportion_problems(
 ) -> Iterator[Problem]:
     """Yield the problems of `volume_problems` and `camera_problems` that are known before a volume is read.
 
-    The size of a volume in a file with a header is not known yet: only a spacing in the scene is checked.
+    The size of a volume in a file with a header is not known yet: only a spacing in the scene is checked, as for an
+    array in memory.
     size: the size of the picture. place: a function that returns the dotted path of a key of the volume.
     """
     source = volume.source
-    if isinstance(source, (FileSource, UrlSource)):
+    if isinstance(source, (FileSource, UrlSource, ArraySource)):
         if source.spacing is not None:
             yield from _ratio_problems(max(source.spacing) / min(source.spacing), place("spacing"))
         return

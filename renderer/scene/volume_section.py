@@ -213,15 +213,22 @@ class ProceduralSource:
 
 @dataclass(frozen=True, eq=False)
 class ArraySource:
-    """An array of voxels in memory, for a scene that is made in Python.
+    """An array of voxels in memory, for a scene that is made in Python: the value of `file` in its tree.
 
     values: a numpy array [z, y, x], which is never written to.
+    name: the name of the volume in messages.
+    affine: a 4 x 4 matrix, row by row, from voxel indices (x, y, z) to the world; None if the place is unknown.
+    unit: the unit of world lengths; empty if unknown. world_axes: `LPS`, or empty, as in a Volume.
+    spacing: replaces the spacing of the affine, whose directions and origin are kept.
     """
 
     key: ClassVar[str] = "array"
-    name: ClassVar[str] = "the array"  # the name of the volume in messages
     values: Any
-    spacing: schema.Vector = (1.0, 1.0, 1.0)
+    name: str = "the array"
+    affine: tuple[tuple[float, ...], ...] | None = None
+    unit: str = ""
+    world_axes: str = ""
+    spacing: schema.Vector | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -230,7 +237,8 @@ class ArraySource:
 
     def written(self) -> dict[str, object]:
         """Return keys that describe the array, with their values. No scene can be read from them."""
-        return {"shape": self.shape, "dtype": str(self.values.dtype), "spacing": self.spacing}
+        about = {"shape": self.shape, "dtype": str(self.values.dtype), "affine": self.affine}
+        return {self.key: about, "spacing": self.spacing}
 
 
 @dataclass(frozen=True)
@@ -280,7 +288,9 @@ class VolumeSpec:
         own = {key: value for key, value in vars(self).items() if key not in ("source", "chosen")}
         own |= {"crop": at_keys(_by_axis, self.crop), "interpolate": self.interpolate or None}
         source = self.source
-        return (source.written() if isinstance(source, (FileSource, UrlSource)) else {source.key: source}) | own
+        if isinstance(source, (RawSource, ProceduralSource)):
+            return {source.key: source} | own
+        return source.written() | own
 
 
 def _by_axis(crop: Ranges | None) -> dict[str, Range] | Ranges | None:
@@ -317,7 +327,7 @@ def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
         node.key(extra).reject(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
     own = given.get("raw", given.get("procedural"))
     source = given.get("file", own)
-    if isinstance(source, (FileSource, UrlSource)):
+    if isinstance(source, (FileSource, UrlSource, ArraySource)):
         source = replace(source, spacing=given.get("spacing"))
     rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
     if isinstance(source, (RawSource, ProceduralSource)):
@@ -367,10 +377,15 @@ def _check_raw(node: TreeNode, given: dict[str, Any]) -> None:
     node.child("file").reject("wrong size", got=f"{found} bytes", expected=f"{expected} bytes: {voxels}", hint=hint)
 
 
+def _parse_file(node: TreeNode) -> Any:
+    """Return the source of a file's name; an array in memory, which is in no text, is a source itself."""
+    return node.value if isinstance(node.value, ArraySource) else SOURCE_FIELD.parser(node)
+
+
 _ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, name it by --volume"
 _NONFINITE_HINT = "NaN and infinities are left out, by `nodata: auto`"
 _SOURCES: dict[str, schema.FieldType[Any]] = {
-    "file": SOURCE_FIELD,
+    "file": replace(SOURCE_FIELD, parser=_parse_file),
     "raw": schema.dataclass_field(RawSource, _check_raw),
     "procedural": schema.dataclass_field(ProceduralSource),
 }

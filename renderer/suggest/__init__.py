@@ -17,7 +17,8 @@ opacities, and the reason in words. Opacities are solved so that each layer has 
   the rays for this; `opacity.py`: optical depths as opacities.
 - `separation.py`: the object, and planes that clip its surroundings away.
 - `label_look.py`: masks and segmentations; `palette.py`: colours that people can tell apart.
-- `channels.py`: a layer for each channel of a file; `over.py`: a volume inside the translucent shell of another one.
+- `channels.py`: a layer for each channel of a file; `over.py`: a volume inside the translucent shell of another one;
+  `several.py`: several volumes in one picture, as channels, or labels over a scan.
 """
 
 import lazy_loader

@@ -68,14 +68,21 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
             every = steps_in_time(OverFrames(spec))
             steps = [every[k] for k in some_steps(len(every))]
             volumes = [first] if number == 0 and len(steps) == 1 else map(read, steps)
-            window, brightest = _common_window(volumes)
-            window = channel.window or window
-            color = in_8_bits(channel.color or _COLORS[number % len(_COLORS)])
-            own = replace(own, transfer_function=ramp(color, window), color=color, range=window)
-            if layer.weight == 1.0:
-                own = replace(own, weight=suggest_weight(brightest, window))
+            own = channel_with_look(own, number, channel, volumes)
         made.append(own)
     return list(with_own_names(made))
+
+
+def channel_with_look(layer: LayerSpec, number: int, channel: Channel, steps: Iterable[Volume]) -> LayerSpec:
+    """Return the layer of a channel with a colour, a range of values and, unless it has one, a weight.
+
+    number: the number of the channel among all channels. steps: the channel at some steps in time.
+    """
+    window, brightest = _common_window(steps)
+    window = channel.window or window
+    color = in_8_bits(channel.color or _COLORS[number % len(_COLORS)])
+    made = replace(layer, transfer_function=ramp(color, window), color=color, range=window)
+    return replace(made, weight=suggest_weight(brightest, window)) if layer.weight == 1.0 else made
 
 
 def _common_window(steps: Iterable[Volume]) -> tuple[tuple[float, float], Volume]:

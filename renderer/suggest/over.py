@@ -36,17 +36,18 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 def suggest_over(
-    volume: VolumeSpec, under: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH
+    volume: VolumeSpec, under: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH, under_wish: Wish = NO_WISH
 ) -> tuple[VolumeSuggestion, VolumeSuggestion]:
     """Suggest how to show a volume over the volume `under`, each at its position in the world, with weights for both.
 
-    read: reads the voxels of one channel at one step in time. wish: the wish for the upper volume. Raises InputError
-    for a volume that cannot be read or drawn, and for a wished preset that cannot be read or does not suit the volume.
+    read: reads the voxels of one channel at one step in time. wish, under_wish: the wishes for the upper and the
+    lower volume. Raises InputError for a volume that cannot be read or drawn, and for a wished preset that cannot be
+    read or does not suit the volume.
     """
-    (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, NO_WISH)
+    (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, under_wish)
     if wish == NO_WISH and not upper.volume.has_colors and _has_grey(upper.suggestion):
         upper = replace(upper, suggestion=_tinted(upper.suggestion, _WARM))
-    if not (lower.suggestion.transfer.labels or lower.volume.has_colors):
+    if under_wish == NO_WISH and not (lower.suggestion.transfer.labels or lower.volume.has_colors):
         lower = replace(lower, suggestion=_tinted(lower.suggestion, _GREY))
     ends = _shell_ends(lower, below)
     factors = replace(below, normalized=np.interp(_gradients(below), ends, (0.0, 1.0)))

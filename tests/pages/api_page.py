@@ -25,6 +25,16 @@ array = np.load("scan.npy")  # [z, y, x]
 renderer.render_frame(array, spacing=(1, 1, 2))  # a notebook displays it
 ```
 
+Several volumes make one picture, and an image of another library brings its lengths and axes:
+
+```python
+renderer.render_frame([dapi, actin, tubulin])  # each in a colour of its own
+renderer.render_frame({"CT": nibabel.load("ct.nii.gz"), "PET": nibabel.load("pet.nii.gz")})
+renderer.render_frame(scan, labels=segmentation)  # the scan becomes a shell around them
+renderer.render_frame(scan, mask=segmentation > 0)
+renderer.render_frame(segmentation, labels={1: "liver", 2: "spleen"})
+```
+
 [api.ipynb](api.ipynb) is a notebook with more. Everything is drawn in this process, on all cores, to the same bytes as
 by `hsplat render`; arrays are `[z, y, x]`, spacings `(x, y, z)`. Errors are `renderer.HsplatError`: `InputError`, with
 its child `SceneError`, for what is wrong with a scene, a volume or a parameter, and `RenderError` for what failed.
@@ -38,6 +48,7 @@ _NAMES = (
     "suggest_scene",
     "preview",
     "integrate",
+    "Layer",
     "Film",
     "FrameImage",
     "ExactImage",

@@ -61,7 +61,10 @@ def test_numbered_pictures_of_some_frames(frames: Any) -> None:
     command("--output", "other/{frame:02}.png", "--frames", "::2")
     for name in ("00.png", "02.png"):
         assert Path(name).read_bytes() == Path("other", name).read_bytes()
-    assert "image/png" in film._repr_html_() and "2 frames" in film._repr_html_()
+    shown = film._repr_html_()
+    assert "image/png" in shown and "2 frames" in shown
+    assert film.accuracy is not None
+    assert f"off by {255 * 10 ** (-film.accuracy.psnr / 20):.2g} of 255 levels" in shown
 
 
 def test_an_array_is_drawn_like_its_file() -> None:
@@ -94,7 +97,7 @@ def test_the_film_of_an_array_needs_it_as_a_file(capfd: pytest.CaptureFixture[st
     """Its sidecar tells what the array was, and the command what to do about it."""
     film = renderer.render(renderer.suggest_scene(blob(), size=(16, 16), output="film.gif"), frames=[0])
     told = sidecar(film.sidecar)["scene"]["volume"]["array"]
-    assert told == {"shape": [16, 14, 12], "dtype": "float32", "spacing": [1.0, 1.0, 1.0]}
+    assert told == {"shape": [16, 14, 12], "dtype": "float32"}
     assert main.run(["render", str(film.sidecar), "--quiet"]) == 2
     assert "scene.volume.array: unknown key" in (message := capfd.readouterr().err)
     assert "hint: an array in memory, of a film that was made in Python: save it with numpy.save" in message
@@ -238,7 +241,7 @@ RING["ring"] = RING
         (lambda: renderer.render("scene.yaml", frames=1.0), "frames: no such frames\n  got: 1.0\n  expected: whole"),
         (lambda: renderer.render_frame([[[1, 2], [3]]]), "this cannot be converted to an array"),
         (lambda: renderer.render_frame(ENDLESS), "this cannot be converted to an array"),
-        (lambda: renderer.render_frame(object()), "the array does not have the axes of a volume\n  got: <object"),
+        (lambda: renderer.render_frame(object()), "the array: not the axes of a volume\n  got: <object"),
         (lambda: renderer.render_frame(blob(), camera=RING), "an option of more than 50 levels"),
         (lambda: renderer.render_frame(blob(), transfer_function=ENDLESS), "an option of more than 50 levels"),
         (lambda: renderer.render_frame(""), "not the name of a scene file\n  got: ''"),
@@ -293,10 +296,12 @@ os.waitpid(child, 0)
 def test_a_look_may_be_labels_and_takes_their_place() -> None:
     values = np.zeros((12, 12, 12), np.uint8)
     values[3:8, 3:8, 3:8], values[7:10, 7:10, 7:10] = 1, 3
-    scene = renderer.suggest_scene(values, transfer_function={"labels": {"show": [3]}}, size=(24, 16))
+    scene = renderer.suggest_scene(values, labels={"show": [3]}, size=(24, 16))
     look = scene.layers[0].transfer_function
     assert look.labels is not None and look.labels.values == (3,)
     again = renderer.render_frame(values, transfer_function=look, size=(24, 16))
+    assert scene.layers[0].shading is not None
+    scene = scene.with_layers(shading=None)
     assert again.tobytes() == renderer.render_frame(scene).tobytes()
     points = [(0, "red", 0), (3, "white", 0.5)]
     expected = renderer.render_frame(values, transfer_function=points, size=(24, 16))

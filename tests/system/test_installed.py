@@ -17,3 +17,4 @@ def test_where_the_code_comes_from(package: str) -> None:
     file = import_module(package).__file__
     assert file is not None
     assert Path(file).resolve() == expected / package / "__init__.py"
+    assert (expected / package / "py.typed").exists(), "type checkers read the types of a package with this file"

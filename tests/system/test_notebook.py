@@ -40,15 +40,16 @@ def test_the_notebook_is_kept_without_outputs() -> None:
 
 @pytest.mark.slow
 def test_what_the_notebook_shows(outputs: list[dict[str, Any]]) -> None:
-    array, image, shape, chosen, film, paths, truth, errors = outputs
+    array, image, shape, chosen, channels, labels, film, paths, truth, errors = outputs
     assert array["text/plain"] == "((48, 48, 48), dtype('float32'))"
-    for output in (image, chosen):
+    for output in (image, chosen, channels, labels):
         pixels = Picture(content=base64.b64decode(output["image/png"])).pixels
         assert pixels.shape == (256, 256, 3)
         assert np.ptp(pixels, axis=(0, 1)).max() > 100
     assert shape["text/plain"].startswith("((256, 256, 3), dtype('uint8'), ")
     assert 'src="data:image/gif;base64,R0lGODlh' in film["text/html"]
     assert "film.gif: 12 frames; how it was made: film.gif.json" in film["text/html"]
+    assert "of 255 levels" in film["text/html"]
     assert "film.gif.json" in paths["text/plain"] and paths["text/plain"].endswith("12)")
     psnr = [float(number) for number in re.findall(r": ([0-9.]+) dB", truth["text/plain"])]
     assert psnr == sorted(psnr) and len(psnr) == 3 and psnr[0] < 35 and psnr[-1] > 45

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -43,6 +45,9 @@ def problem(**options: Any) -> str:
 def test_all_mistakes_are_told_at_once_by_the_names_of_the_parameters() -> None:
     told = problem(spacing=(1, 0, 2), size=(3, "x"), transfer_function="virids", tolerance=-1, background="blu")
     assert told == (
+        "spacing.1: out of range\n"
+        "  got: 0\n"
+        "  expected: a number from 1e-30 to 1e+30\n"
         "transfer_function.colormap: unknown colormap\n"
         "  got: 'virids'\n"
         "  expected: a name such as viridis, gray, cividis_r or crameri:batlow\n"
@@ -57,10 +62,7 @@ def test_all_mistakes_are_told_at_once_by_the_names_of_the_parameters() -> None:
         "  got: 'blu'\n"
         '  expected: a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white, '
         "transparent, or {top, bottom} with two colors\n"
-        "  hint: did you mean blue?\n"
-        "spacing.1: out of range\n"
-        "  got: 0\n"
-        "  expected: a number from 1e-30 to 1e+30"
+        "  hint: did you mean blue?"
     )
 
 
@@ -85,7 +87,8 @@ def test_what_is_no_volume() -> None:
     with pytest.raises(renderer.InputError) as error:
         renderer.render_frame(ARRAY[0])
     assert str(error.value) == (
-        "the array does not have the axes of a volume\n  got: shape [4, 5]\n  expected: three axes, [z, y, x]"
+        "the array: not the axes of a volume\n  got: shape [4, 5]\n  expected: three axes, [z, y, x]\n"
+        "  hint: `array[numpy.newaxis]` is a volume of one slice"
     )
     with pytest.raises(renderer.InputError, match="the array: voxels of this type cannot be rendered"):
         renderer.render_frame(ARRAY.astype(complex))
@@ -140,3 +143,29 @@ def test_a_film_in_a_notebook_has_a_printable_name(tmp_path: Path) -> None:
     file = tmp_path / os.fsdecode(b"a\x1b\xff.gif")
     file.write_bytes(b"film")
     assert r"a\x1b\udcff.gif: 1 frame" in Film(file, (0,), tmp_path / "a.json")._repr_html_()
+
+
+class Notebook(ModuleType):
+    """IPython in the kernel of a notebook. It keeps what each handle shows."""
+
+    def __init__(self) -> None:
+        super().__init__("IPython")
+        self.shown: list[list[str]] = []
+        self.display = SimpleNamespace(HTML=str, display=self._display)
+
+    def get_ipython(self) -> SimpleNamespace:
+        return SimpleNamespace(kernel=None)
+
+    def _display(self, html: str, *, display_id: bool) -> SimpleNamespace:
+        assert display_id
+        self.shown.append([html])
+        return SimpleNamespace(update=self.shown[-1].append)
+
+
+def test_a_notebook_shows_how_much_is_drawn(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    monkeypatch.setitem(sys.modules, "IPython", notebook := Notebook())
+    turn = {"path": {"type": "turntable", "frames": 2}}
+    renderer.render(renderer.suggest_scene(ARRAY, size=(16, 16), camera=turn, output="film.gif"))
+    (told,) = notebook.shown
+    assert [html.rpartition("> ")[2] for html in told] == ["0 of 2 frames", "1 of 2 frames", "2 of 2 frames"]
+    assert told[1].startswith('<progress max="2" value="1">')

@@ -53,7 +53,7 @@ def _room(module: str) -> str:
 
     Of the door of `renderer` it is the API, whose names it has.
     """
-    if module in ("renderer", API, f"{API}_scenes"):
+    if module == "renderer" or module.startswith(API):
         return API
     room = ".".join(module.split(".")[:2])
     return room if room in ROOMS else module.partition(".")[0]
