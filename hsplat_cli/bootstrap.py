@@ -33,15 +33,6 @@ SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "hsplat_cli", "
 MIN_PYTHON = (3, 10)
 # The Debian packages of OpenGL without a screen.
 GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
-# A program that fails, with the reason, if hsplat cannot draw splats by OpenGL.
-GL_PROBE = """
-from renderer.draw import SplatRasterizer
-from renderer.errors import RenderError
-try:
-    SplatRasterizer().release()
-except RenderError as error:
-    raise SystemExit(error.got)
-"""
 
 
 class SetupError(Exception):
@@ -141,13 +132,16 @@ def find_venv_problem() -> str:
 
 def find_opengl_problem() -> str:
     """Return the reason why OpenGL does not work without a screen, or an empty string; `.venv` must be there."""
-    # Python runs isolated (-I), so that it imports the installed wheel, and in a new process, as a driver may crash.
-    command = [str(VENV / "bin" / "python"), "-I", "-c", GL_PROBE]
-    result = subprocess.run(command, stderr=subprocess.PIPE, check=False)
-    if result.returncode == 0:
-        return ""
-    words = result.stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit status {result.returncode}"]
-    return f"OpenGL without a screen: {words[-1]}"
+    # Python runs isolated (-I), so that it imports the installed wheel.
+    command = [str(VENV / "bin" / "python"), "-I", "-m", "hsplat_cli", "doctor", "--json"]
+    result = subprocess.run(command, capture_output=True, check=False)
+    try:
+        parts = json.loads(result.stdout.decode("utf-8"))["optional"]
+    except ValueError:
+        words = result.stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit status {result.returncode}"]
+        return f"OpenGL without a screen: {words[-1]}"
+    (problem,) = [part["problem"] for part in parts if part["name"] == "opengl"]
+    return f"OpenGL without a screen: {problem}" if problem else ""
 
 
 def install(extra: str) -> None:
