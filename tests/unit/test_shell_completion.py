@@ -25,7 +25,7 @@ from hsplat_cli import main
         ("bash", "hsplat completion ", ["plain,bash", "plain,zsh", "plain,fish"], "powershell"),
         ("zsh", "hsplat cit", ["plain", "cite", main.COMMANDS["cite"]], "check"),
         ("fish", "hsplat cit", [f"plain,cite\t{main.COMMANDS['cite']}"], "check"),
-        ("csh", "hsplat cit", [""], "cite"),
+        ("powershell", "hsplat cit", [""], "cite"),
     ],
 )
 def test_the_words_that_may_come_next(
