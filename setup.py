@@ -17,6 +17,8 @@ ROOT = Path(__file__).resolve().parent
 KERNELS = runpy.run_path(str(ROOT / "renderer" / "kernels" / "build.py"))  # not imported: the package needs numpy
 # One of TARGETS in build.py, to compile for another machine than this.
 TARGET = os.environ.get("HSPLAT_BUILD_TARGET") or KERNELS["this_target"]()
+# `own` compiles for the level of this processor alone, in a third of the time; the wheel is for this machine.
+IS_FOR_OWN_LEVEL = os.environ.get("HSPLAT_BUILD_LEVELS") == "own"
 MAC_NAMES = {"aarch64": "arm64", "x86_64": "x86_64"}
 
 
@@ -36,10 +38,11 @@ class BuildKernels(Command):
         self.set_undefined_options("build", ("build_lib", "build_lib"))
 
     def run(self) -> None:
-        """Compile all levels of the machine. What the compiler keeps for the next time goes with a folder."""
+        """Compile the kernels. A folder has what the compiler keeps for its next run, and is removed with it."""
         with tempfile.TemporaryDirectory() as cache:
             os.environ |= {"ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
-            KERNELS["build"](KERNELS["BUILT"] if self.editable_mode else self._built, TARGET)
+            levels = {KERNELS["own_level"](TARGET)} if IS_FOR_OWN_LEVEL else None
+            KERNELS["build"](KERNELS["BUILT"] if self.editable_mode else self._built, TARGET, levels=levels)
 
     def get_source_files(self) -> list[str]:
         """Return what a source distribution needs for this step."""
@@ -73,9 +76,14 @@ class PlatformWheel(bdist_wheel):
     """A wheel for one platform and any Python."""
 
     def get_tag(self) -> tuple[str, str, str]:
-        """Return the tag: the libraries work with the C libraries that TARGETS of build.py says, and newer ones."""
+        """Return the tag: the libraries work with the C libraries that TARGETS of build.py says, and newer ones.
+
+        On Linux they name no C library, and take the few functions that they need from the one that Python has: glibc
+        or musl.
+        """
         system, machine = TARGET.split("-")
-        platform = f"manylinux_2_17_{machine}" if system == "linux" else f"macosx_11_0_{MAC_NAMES[machine]}"
+        linux = f"manylinux_2_17_{machine}.musllinux_1_1_{machine}"
+        platform = linux if system == "linux" else f"macosx_11_0_{MAC_NAMES[machine]}"
         return "py3", "none", platform
 
 

@@ -2,7 +2,8 @@
 
 1. Checks for Python's venv. On Debian and its relatives root installs missing packages; other users get the command
    line that an administrator has to run.
-2. Makes `.venv` and installs hsplat into it as a wheel, unless it has these sources already.
+2. Makes `.venv` and installs hsplat into it as a wheel, unless it has these sources already. A wheel in `dist` that has
+   these sources saves the time to build one; for the demo, one is built for the level of this processor alone.
 3. For the tests, checks for OpenGL without a screen, as in step 1.
 4. Renders the demo to `demo.mp4`, or runs the tests, both with the installed wheel and not the checkout.
 
@@ -14,10 +15,12 @@ import hashlib
 import importlib.util
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
 import tempfile
+import zipfile
 from pathlib import Path
 from typing import Callable  # noqa: UP035  for an old Python
 
@@ -33,15 +36,6 @@ SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "hsplat_cli", "
 MIN_PYTHON = (3, 10)
 # The Debian packages of OpenGL without a screen.
 GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
-# A program that fails, with the reason, if hsplat cannot draw splats by OpenGL.
-GL_PROBE = """
-from renderer.draw import SplatRasterizer
-from renderer.errors import RenderError
-try:
-    SplatRasterizer().release()
-except RenderError as error:
-    raise SystemExit(error.got)
-"""
 
 
 class SetupError(Exception):
@@ -141,13 +135,16 @@ def find_venv_problem() -> str:
 
 def find_opengl_problem() -> str:
     """Return the reason why OpenGL does not work without a screen, or an empty string; `.venv` must be there."""
-    # Python runs isolated (-I), so that it imports the installed wheel, and in a new process, as a driver may crash.
-    command = [str(VENV / "bin" / "python"), "-I", "-c", GL_PROBE]
-    result = subprocess.run(command, stderr=subprocess.PIPE, check=False)
-    if result.returncode == 0:
-        return ""
-    words = result.stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit status {result.returncode}"]
-    return f"OpenGL without a screen: {words[-1]}"
+    # Python runs isolated (-I), so that it imports the installed wheel.
+    command = [str(VENV / "bin" / "python"), "-I", "-m", "hsplat_cli", "doctor", "--json"]
+    result = subprocess.run(command, capture_output=True, check=False)
+    try:
+        parts = json.loads(result.stdout.decode("utf-8"))["optional"]
+    except ValueError:
+        words = result.stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit status {result.returncode}"]
+        return f"OpenGL without a screen: {words[-1]}"
+    (problem,) = [part["problem"] for part in parts if part["name"] == "opengl"]
+    return f"OpenGL without a screen: {problem}" if problem else ""
 
 
 def install(extra: str) -> None:
@@ -164,14 +161,53 @@ def install(extra: str) -> None:
         copy_sources(Path(folder))
         wanted = {"python": python, "sources": digest(Path(folder)), "extra": extra}
         # An installation for the tests can also render the demo.
-        if present.get("sources") == wanted["sources"] and present.get("extra") in (extra, "[test]"):
+        is_same = present.get("sources") == wanted["sources"] and present.get("extra") in (extra, "[test]")
+        if is_same and are_kernels_usable():
             return
         # While pip runs, the record has only the Python: after an interrupt, pip runs again.
         write_install_record({"python": python})
         say("installing hsplat and its libraries into .venv")
-        if run(VENV / "bin" / "python", "-m", "pip", "install", folder + extra, PIP_USER="0") != 0:
+        wheel = find_wheel(Path(folder))
+        if wheel:
+            say(f"using {wheel.relative_to(ROOT)}")
+        # Modules are compiled when they are first imported. Tests need the kernels of all levels of processors.
+        command = [VENV / "bin" / "python", "-m", "pip", "install", "--no-compile", str(wheel or folder) + extra]
+        if run(*command, PIP_USER="0", HSPLAT_BUILD_LEVELS="all" if extra else "own") != 0:
             raise SetupError("pip could not install hsplat; its reason is above.")
     write_install_record(wanted)
+
+
+def are_kernels_usable() -> bool:
+    """Return whether the hsplat in `.venv` has kernels for this processor, as the one that installed it had."""
+    program = "import sys; sys.tracebacklimit = 0; from renderer.kernels import kernels; kernels()"
+    return run(VENV / "bin" / "python", "-I", "-c", program) == 0
+
+
+def find_wheel(sources: Path) -> "Path | None":
+    """Return a wheel in the folder `dist` that was built for this system from these sources, or None.
+
+    sources: a copy of them. A wheel has their packages, and is newer than the file that says what it depends on.
+    """
+    system = {"linux": "manylinux", "darwin": "macosx"}.get(sys.platform, sys.platform)
+    for wheel in sorted((ROOT / "dist").glob(f"hsplat-*{system}*{platform.machine()}*.whl")):
+        is_newer = wheel.stat().st_mtime > (ROOT / "pyproject.toml").stat().st_mtime
+        if is_newer and has_sources(wheel, sources):
+            return wheel
+    return None
+
+
+def has_sources(wheel: Path, sources: Path) -> bool:
+    """Return whether the packages in a wheel are those of a folder, apart from compiled kernels."""
+    wanted = {path.relative_to(sources).as_posix() for path in sources.glob("*/**/*.py")}
+    try:
+        with zipfile.ZipFile(str(wheel)) as archive:
+            names = [name for name in archive.namelist() if ".dist-info/" not in name and "/built/" not in name]
+            same = all(
+                (sources / name).is_file() and (sources / name).read_bytes() == archive.read(name) for name in names
+            )
+            return same and wanted.issubset(names)
+    except (OSError, zipfile.BadZipFile):
+        return False
 
 
 def make_venv() -> None:

@@ -19,8 +19,9 @@ from collections.abc import Sequence
 from typing import TextIO
 
 import click
+from click.shell_completion import CompletionItem
 
-from hsplat_cli.terminal import Reporter
+from hsplat_cli.terminal import COMPLETION_VARIABLE, Reporter, next_words
 from renderer.errors import HsplatError, InputError, closest_match, format_message
 from renderer.system import address_space_hint, exit_on_signals, interrupted_status, join_lines, signals_as_interrupts
 
@@ -39,6 +40,9 @@ COMMANDS = {
     "golden": "Keep frames of scenes to compare later ones with.",
     "compare": "Compare frames with golden ones; exit with 1 where they differ.",
     "info": "Describe a volume: shape, place, values and histogram.",
+    "doctor": "Say what is installed, what draws, and what is missing.",
+    "completion": "Print the script by which bash, zsh or fish completes commands.",
+    "man": "Print the manual page of hsplat and all of its commands.",
 }
 
 # The class of the error that click 8.2 and newer raise for a command line without arguments; no class in older ones.
@@ -53,8 +57,10 @@ class LazyGroup(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command:
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
+            if ctx.resilient_parsing:  # a shell completes a command line that is not whole
+                return None
             close = closest_match(cmd_name, COMMANDS)
             raise InputError(
                 f"hsplat has no command {cmd_name!r}",
@@ -64,6 +70,11 @@ class LazyGroup(click.Group):
         command = getattr(importlib.import_module(f"hsplat_cli.commands.{cmd_name}"), cmd_name)
         assert isinstance(command, click.Command), cmd_name
         return command
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        commands = [(name, summary) for name, summary in COMMANDS.items() if name.startswith(incomplete)]
+        options = click.Command.shell_complete(self, ctx, incomplete)
+        return [*(CompletionItem(name, help=summary) for name, summary in commands), *options]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
@@ -118,6 +129,9 @@ def run(arguments: Sequence[str]) -> int:
     """Run a command line and return the exit code; print errors on the standard error stream."""
     failed = 2 if list(arguments[:1]) in (["compare"], ["verify"]) else 1
     try:
+        if COMPLETION_VARIABLE in os.environ:
+            Reporter().content(next_words(hsplat, os.environ[COMPLETION_VARIABLE]).encode() + b"\n")
+            return 0
         return _invoke(arguments)
     except HsplatError as error:
         _print_error(str(error))

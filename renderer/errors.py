@@ -143,4 +143,9 @@ def require_package(package: str, *, extra: str) -> None:
     package: the name by which the package is imported. extra: the extra in `pyproject.toml` that installs the package.
     """
     if importlib.util.find_spec(package) is None:
-        raise InputError(f"the package {package} is not installed", hint=f"pip install 'hsplat[{extra}]'")
+        raise InputError(f"the package {package} is not installed", hint=install_line(extra))
+
+
+def install_line(extra: str) -> str:
+    """Return the command that installs an extra."""
+    return f"pip install 'hsplat[{extra}]'"

@@ -26,7 +26,7 @@ def _use_cache(context: click.Context, _parameter: click.Parameter, folder: Path
     def tell(text: str) -> None:
         (context.params.get("reporter") or Reporter()).status(text)
 
-    if folder is not None:
+    if folder is not None and not context.resilient_parsing:  # a shell that completes an option makes no folder
         context.with_resource(cache.caching_in(folder, tell))
 
 

@@ -7,6 +7,7 @@ turn durations, frame ranges and output paths of the command line into values, a
 - `film_events.py`: prints the progress and the result of a film job.
 - `arguments.py`: groups of options, output paths, `--frames A:B`, `90s`.
 - `machine.py`: the machine and its versions.
+- `shell_completion.py`: the words that a shell completes command lines with.
 """
 
 import lazy_loader

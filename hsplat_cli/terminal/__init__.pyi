@@ -12,6 +12,12 @@ from .arguments import (
 from .film_events import FilmEvents as FilmEvents, report_film as report_film
 from .machine import Machine as Machine, describe_machine as describe_machine
 from .reporter import Reporter as Reporter, format_table as format_table
+from .shell_completion import (
+    COMPLETION_VARIABLE as COMPLETION_VARIABLE,
+    SHELLS as SHELLS,
+    completion_script as completion_script,
+    next_words as next_words,
+)
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.

@@ -2,6 +2,7 @@ from .cache_folder import (
     CacheFolder as CacheFolder,
     cache_folder as cache_folder,
     caching_in as caching_in,
+    kept_bytes as kept_bytes,
 )
 from .kept_arrays import (
     NOT_KEPT as NOT_KEPT,

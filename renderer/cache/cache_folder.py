@@ -197,6 +197,15 @@ def _taken_by(file: Path) -> int:
     return min(state.st_size, 512 * state.st_blocks)
 
 
+def kept_bytes(path: Path) -> int:
+    """Return the bytes that the entries of a folder take on the disk; 0 for a folder that is not there."""
+    total = 0
+    for file in path.glob("*-*/*.npy"):
+        with contextlib.suppress(OSError):  # another process has removed it
+            total += _taken_by(file)
+    return total
+
+
 # The folders that blocks of this process use, the innermost one last.
 _IN_USE: list[CacheFolder | None] = [None]
 

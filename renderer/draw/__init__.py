@@ -15,6 +15,7 @@ premultiplied RGBA without a background. Each footprint, splats or bricks, has i
 - `splats/samples.py`: divides pictures into tiles, and averages the samples of a pixel.
 - `splats/compositing.py`: divides splats into chunks that are added up in float64.
 - `splats/recovery.py`: makes another OpenGL context when a context is lost.
+- `splats/opengl_probe.py`: finds the OpenGL of this machine, for a report.
 
 `bricks/` draws bricks on several threads, by kernels (`march.cpp`, `mixture.cpp`, `extremum.cpp`):
 

@@ -18,6 +18,7 @@ from .digests import (
     file_matches_digest as file_matches_digest,
     frame_matches_digest as frame_matches_digest,
 )
+from .encode import Ffmpeg as Ffmpeg, describe_ffmpeg as describe_ffmpeg
 from .lock import (
     lock_slots as lock_slots,
     locked_files as locked_files,

@@ -11,12 +11,13 @@ import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
+from typing import NamedTuple
 
 from renderer.errors import HsplatError, RenderError
 from renderer.film.atomic import output_error
 from renderer.film.picture import Pixels
 from renderer.film.stream_tail import StreamTail
-from renderer.scene import OutputFile
+from renderer.scene import FORMATS, OutputFile
 from renderer.system import address_space_hint, join_lines
 
 # The filter that converts RGB to YUV. Without out_color_matrix, ffmpeg uses the BT.601 matrix, whatever the tags say.
@@ -144,6 +145,33 @@ def require_codec(output: OutputFile) -> None:
         what, got = "this ffmpeg cannot encode the film", f"no {encoder} of {wanted}"
         hint = "leave codec out, or install imageio-ffmpeg from a wheel, which contains another ffmpeg"
         raise RenderError(what, where=str(output.file), got=got, hint=hint)
+
+
+class Ffmpeg(NamedTuple):
+    """The ffmpeg that encodes films.
+
+    path: its file. version: its version. lacking: the formats and codecs of films that it cannot encode, such as
+        `.avif av1`.
+    """
+
+    path: str
+    version: str
+    lacking: list[str]
+
+
+def describe_ffmpeg() -> Ffmpeg:
+    """Describe the ffmpeg that encodes films. Raises RenderError if there is none, or if it fails."""
+    name = Path("ffmpeg")
+    with start_ffmpeg(["-encoders"], name, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE) as asked:
+        listed, banner = asked.communicate()
+    version = re.match(r"ffmpeg version (\S+)", banner.decode(errors="replace"))
+    if asked.returncode != 0 or version is None:
+        raise _failure("ffmpeg does not answer", asked.returncode, banner.decode(errors="replace").splitlines(), name)
+    rows = [line.split() for line in listed.decode(errors="replace").splitlines()]
+    encoders = {row[1] for row in rows if len(row) > 1}
+    codecs = [(suffix, codec, each.encoder) for suffix, of in FORMATS.items() for codec, each in of.codecs.items()]
+    lacking = [f"{suffix} {codec}" for suffix, codec, encoder in codecs if encoder not in encoders]
+    return Ffmpeg(_find_ffmpeg(name), version[1], lacking)
 
 
 def start_ffmpeg(arguments: Sequence[str], file: Path, *, stdin: int, stdout: int) -> subprocess.Popen[bytes]:

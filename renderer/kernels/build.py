@@ -92,6 +92,16 @@ def best_level(offered: int, target: str) -> int:
     return max(level for level in LEVELS[target.partition("-")[2]] if level <= offered)
 
 
+def own_level(target: str) -> int:
+    """Return the highest level that kernels are compiled for on a target and that this processor can run."""
+    import ctypes
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        (library,) = build(Path(folder), this_target(), levels=set())
+        return best_level(ctypes.CDLL(str(library)).processor_level(), target)
+
+
 def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bool = False) -> list[Path]:
     """Write libraries and their manifest into a folder, and return the libraries.
 
@@ -171,7 +181,6 @@ def _write_manifest(out: Path) -> None:
 def main() -> None:
     """Build the libraries that the command line asks for, and print their sizes."""
     import argparse
-    import ctypes
     import time
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -180,10 +189,8 @@ def main() -> None:
     parser.add_argument("--target", default=this_target(), choices=TARGETS, help="another machine to compile for")
     parser.add_argument("--checked", action="store_true", help="trap undefined behaviour and indices out of bounds")
     options = parser.parse_args()
-    begin, levels = time.perf_counter(), None
-    if not options.all:
-        (library,) = build(options.out, this_target(), levels=set())
-        levels = {best_level(ctypes.CDLL(str(library)).processor_level(), options.target)}
+    begin = time.perf_counter()
+    levels = None if options.all else {own_level(options.target)}
     for library in build(options.out, options.target, levels=levels, checked=options.checked):
         print(f"{library.name}: {library.stat().st_size} bytes")
     print(f"{time.perf_counter() - begin:.2f} s")

@@ -25,13 +25,16 @@ _ROOT = Path(__file__).resolve().parents[2]
 def processor_level() -> int:
     """Return the level of the processors that this process's kernels are compiled for.
 
-    The level is 1, 3 or 4 on x86-64, and 0 on other machines. Raises InputError if the environment asks for a level
+    The level is 1, 3 or 4 on x86-64, and 0 on other machines: the highest one that the processor offers and that was
+    compiled. Raises InputError if the environment asks for a level
     that the processor does not offer, and RenderError if the library that finds the level cannot be loaded.
     """
     offered = best_level(_load("processor").processor_level(), this_target())
     wanted = os.environ.get(LEVEL_VARIABLE, "")  # noqa: TID251  read once, before anything is drawn
     if not wanted:
-        return offered
+        built = _manifest()[1]
+        levels = [level for level in _levels() if level <= offered and f"kernels-{level}.so" in built]
+        return max(levels, default=offered)
     known = [str(level) for level in _levels() if level <= offered]
     if wanted not in known:
         raise InputError(
@@ -65,14 +68,20 @@ def load_library() -> ctypes.CDLL:
     return _load(f"kernels-{processor_level()}")
 
 
+def _manifest() -> tuple[str, dict[str, str]]:
+    """Return the digest of the sources that were compiled, and of each library, by its name."""
+    sources, *lines = (BUILT / MANIFEST).read_text("ascii").splitlines()
+    return sources, {name: digest for digest, _, name in (line.partition(" ") for line in lines)}
+
+
 def _load(name: str) -> ctypes.CDLL:
     path = BUILT / f"{name}.so"
     try:
-        sources, *lines = (BUILT / MANIFEST).read_text("ascii").splitlines()
+        sources, digests = _manifest()
         if sources != sources_digest():
             raise _unusable(path, "the compiled kernels are of other sources than these")
         digest = hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
-        if f"{digest} {path.name}" not in lines:
+        if digests.get(path.name) != digest:
             raise _unusable(path, "the compiled kernels are damaged")
         return ctypes.CDLL(str(path))
     except (OSError, ValueError) as error:

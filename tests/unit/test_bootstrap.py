@@ -2,8 +2,10 @@
 
 import ast
 import os
+import platform
 import shutil
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -224,3 +226,46 @@ def test_a_missing_program_is_an_error(checkout: Path, monkeypatch, capsys) -> N
     monkeypatch.setattr(bootstrap, "find_venv_problem", str)
     assert bootstrap.main(["demo"]) == 1
     assert capsys.readouterr().err == f"hsplat: [Errno 2] No such file or directory: '{checkout / 'absent'}'\n"
+
+
+SYSTEM = {"linux": "manylinux_2_17", "darwin": "macosx_11_0"}[sys.platform]
+WHEEL = f"hsplat-0.1.0-py3-none-{SYSTEM}_{platform.machine()}.whl"
+FILES = {"renderer/__init__.py": "", "hsplat_cli/__init__.py": "", "hsplat-0.1.0.dist-info/METADATA": "Name: hsplat"}
+BUILT = {"renderer/kernels/built/kernels-1.so": "compiled"}
+
+
+@pytest.mark.parametrize(
+    ("name", "files", "age", "is_used"),
+    [
+        (WHEEL, FILES | BUILT, -60, True),
+        (WHEEL, FILES, 60, False),
+        ("hsplat-0.1.0-py3-none-another_system.whl", FILES, -60, False),
+        (WHEEL, FILES | {"renderer/__init__.py": "changed"}, -60, False),
+        (WHEEL, FILES | {"renderer/gone.py": ""}, -60, False),
+        (WHEEL, {"renderer/__init__.py": ""}, -60, False),
+        (WHEEL, {}, -60, False),
+    ],
+)
+def test_a_wheel_of_these_sources_is_used(
+    checkout: Path, runs: Runs, name: str, files: dict[str, str], age: float, is_used: bool
+) -> None:
+    wheel = checkout / "dist" / name
+    wheel.parent.mkdir()
+    wheel.write_bytes(b"damaged")
+    if files:
+        with zipfile.ZipFile(wheel, "w") as archive:
+            for member, text in files.items():
+                archive.writestr(member, text)
+    made = (checkout / "pyproject.toml").stat().st_mtime - age
+    os.utime(wheel, (made, made))
+    bootstrap.install("[test]")
+    assert runs.commands[-1].endswith(f"{wheel}[test]") is is_used
+
+
+def test_kernels_for_another_processor_are_made_again(checkout: Path, runs: Runs, monkeypatch) -> None:
+    bootstrap.install("")
+    assert runs.variables["HSPLAT_BUILD_LEVELS"] == "own"
+    for is_usable, installs in ((True, 1), (False, 2)):
+        monkeypatch.setattr(bootstrap, "are_kernels_usable", lambda is_usable=is_usable: is_usable)
+        bootstrap.install("")
+        assert runs.num_with("pip install") == installs

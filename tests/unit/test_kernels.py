@@ -138,6 +138,16 @@ def built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+def test_without_kernels_of_the_highest_level_a_lower_one_draws(built: Path) -> None:
+    text = (built / MANIFEST).read_text("ascii")
+    level = processor_level()
+    lowest = min(LEVELS[this_target().partition("-")[2]])
+    (built / MANIFEST).write_text(text + f"0 kernels-{lowest}.so\n0 kernels-9.so\n", "ascii")
+    assert processor_level.__wrapped__() == level
+    (built / MANIFEST).write_text(text.replace(f"kernels-{level}.so", f"kernels-{lowest}.so"), "ascii")
+    assert processor_level.__wrapped__() == lowest
+
+
 def _edit(change: Callable[[bytes], bytes]) -> Callable[[Path], object]:
     return lambda path: path.write_bytes(change(path.read_bytes()))
 
