@@ -45,7 +45,7 @@ _MAX_LINES = 20
     type=click.IntRange(1),
     default=1,
     show_default=True,
-    help="Choose other pixels for the exact rays by another number.",
+    help="Choose other pixels for the exact rays or paths by another number.",
 )
 @click.option(
     "--json",
@@ -62,7 +62,8 @@ def verify(
 
     FILM is a film, the template of its numbered frames such as frames/{frame:04}.png, or the JSON file beside them.
     verify tests whether all files that the JSON file records are there and unchanged, whether the volume is the one it
-    records, and how exact the film is by fresh exact rays. Nothing is drawn, and only the file of --json is written.
+    records, and how exact the film is by fresh exact rays or paths. Nothing is drawn, and only the file of --json is
+    written.
     """
     # Imported here to keep --help fast.
     from renderer.frame import read_film_volumes
@@ -114,7 +115,8 @@ def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterat
     if pictures.measured is not None:
         accuracy, num_measured = pictures.measured.accuracy, pictures.measured.num_frames
         through = f" through {counted(num_measured, 'frame')}" * (num_measured < num)
-        yield f"{accuracy_text(accuracy)}, {accuracy.rays} rays{through}"
+        probes = "rays" if job.scene.at(0).light is None else "pixels by paths"
+        yield f"{accuracy_text(accuracy)}, {accuracy.rays} {probes}{through}"
         if accuracy.flicker is not None:
             yield flicker_text(accuracy.flicker)
 

@@ -59,12 +59,6 @@ _NUM_FRAMES = 3
 # The settings to measure, grouped by the pyramid that they share.
 Plan = Sequence[Sequence[PlannedSetting]]
 
-# The note in the report of a quick study.
-_QUICK_NOTE = (
-    f"errors are estimates from {NUM_SAMPLED_PIXELS} exact rays of each frame, with intervals that hold the error of "
-    "all pixels in 95 % of cases or more; every picture was drawn once, so times are less sure"
-)
-
 
 @dataclass(frozen=True)
 class StudyRequest:
@@ -134,7 +128,7 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
         except (KeyboardInterrupt, HsplatError) as error:
             end = error
     if measurements:
-        notes = [*([_QUICK_NOTE] if request.is_quick else []), *scene_notes(scene)]
+        notes = scene_notes(scene, is_quick=request.is_quick)
         if end:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
             notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
@@ -253,9 +247,19 @@ def _report(study: Study, folder: Path, reporter: Reporter) -> None:
     reporter.result("written: " + ", ".join(map(str, paths)))
 
 
-def scene_notes(scene: FilmScene) -> list[str]:
-    """Return notes that say how the measured settings differ from the scene."""
+def scene_notes(scene: FilmScene, *, is_quick: bool = False) -> list[str]:
+    """Return notes that say how the settings are measured, and how they differ from the scene.
+
+    is_quick: as in StudyRequest.
+    """
     notes, here = [], "here each tolerance is measured by itself"
+    if is_quick:
+        has_light, num = scene.at(0).light is not None, NUM_SAMPLED_PIXELS
+        probes = f"paths of light through {num} pixels" if has_light else f"{num} exact rays"
+        notes.append(
+            f"errors are estimates from {probes} of each frame, with intervals that hold the error of all pixels in "
+            "95 % of cases or more; every picture was drawn once, so times are less sure"
+        )
     if scene.error.goal is not None:
         (schedule,) = schedule_to_dict(scene.error)
         notes.append(f"the scene asks for error.{schedule}, not for a tolerance; {here}")

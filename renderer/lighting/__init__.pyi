@@ -20,5 +20,5 @@ from .scene_light import (
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .exposure import choose_stops as choose_stops
+from .exposure import BRIGHT_SHARE as BRIGHT_SHARE, choose_stops as choose_stops
 from .matter_grid import place_grid as place_grid

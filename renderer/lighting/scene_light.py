@@ -71,7 +71,7 @@ def solve_scene_light(
                 layers, sources, with_flux=sources.surface is not None, num_threads=num_threads
             )
             stops = stops if light.exposure is None else light.exposure
-            arrays = _shown(grid, choose_stops(grid) if stops is None else stops)
+            arrays = _shown(grid, choose_stops(grid, sources) if stops is None else stops)
             kept.keep(arrays)
     *origin, cell, stops = arrays["place"].tolist()
     surface = None

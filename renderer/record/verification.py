@@ -133,7 +133,8 @@ def verify_pictures(
         problems += measured.problems
         if not measured.is_precise:
             most = most_rays(stage.scene.output)
-            notes.append(f"{most} rays a frame, the most there are, do not reach {options.precision_db:g} dB")
+            probes = "rays" if scene.at(0).light is None else "pixels by paths"
+            notes.append(f"{most} {probes} a frame, the most there are, do not reach {options.precision_db:g} dB")
     return PicturesCheck(problems, notes, measured)
 
 

@@ -3,6 +3,7 @@ from .albedos import (
     color_of_thick as color_of_thick,
     linear_of_srgb as linear_of_srgb,
     srgb_of_linear as srgb_of_linear,
+    surface_reflectance as surface_reflectance,
 )
 from .classify import (
     RawVoxels as RawVoxels,
@@ -33,4 +34,4 @@ from .transfer_function import (
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .albedos import albedo_of_thick as albedo_of_thick, surface_reflectance as surface_reflectance
+from .albedos import albedo_of_thick as albedo_of_thick

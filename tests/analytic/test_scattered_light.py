@@ -223,7 +223,8 @@ def test_nothing_visible_has_the_exposure_0() -> None:
     stage = stage_of(scene_of({"transfer_function": points("gray")}), volume(cube()))
     (layer,) = stage.layers
     empty = Matter(volume(np.zeros((5, 5, 5), np.float32)), layer.optics)
-    assert choose_stops(compute_radiance_grid([empty], sources_of(LightSpec()))) == 0
+    sources = sources_of(LightSpec())
+    assert choose_stops(compute_radiance_grid([empty], sources), sources) == 0
 
 
 def test_sources_are_linear_light() -> None:

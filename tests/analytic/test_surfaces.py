@@ -29,7 +29,7 @@ from test_scattered_light import (
 from renderer.errors import SceneError
 from renderer.frame import view_of
 from renderer.layers import frames_of_new_light
-from renderer.lighting import sources_of
+from renderer.lighting import BRIGHT_SHARE, sources_of
 from renderer.scene import ClipSpec, PlaneSpec, SurfaceSpec, Vector, parse_scene
 from renderer.transfer import albedo_of_thick, surface_reflectance
 from renderer.truth import PathTracer, TrueLayer, light_of_pixels, states_of
@@ -175,6 +175,18 @@ def test_a_drawn_ball_agrees_with_paths(falls: bool) -> None:
     error = ((found - one) * (found - two)).mean() / (one * two).mean()
     assert found.mean() == pytest.approx((one.mean() + two.mean()) / 2, rel=0.12)
     assert error < 0.175**2
+
+
+def test_the_exposure_is_chosen_by_the_light_of_surfaces() -> None:
+    """Nine tenths of a dark ball with broad highlights are not far brighter than in even light: 33 times by albedo."""
+    key = {"direction": [1, -1, 1], "strength": 4}
+    light = {"environment": "studio", "key": key, "surface": 1, "specular": 1, "shininess": 3}
+    look = {"transfer_function": points("#303030")}
+    stages = [stage_of(scene_of(look, light=each), field(ball())) for each in (light, EVEN)]
+    shown, even = (np.concatenate([drawn(stage, number=side) for side in (0, 2, 4, 6)]) for stage in stages)
+    solid = even[..., 3] > 0.99
+    ratios = shown[solid][:, :3].sum(axis=1) / even[solid][:, :3].sum(axis=1)
+    assert 0.8 < np.quantile(ratios, BRIGHT_SHARE) < 2.5
 
 
 def test_highlights_of_a_drawn_ball_are_at_the_mirror_angle() -> None:

@@ -53,3 +53,12 @@ def test_messages_about_accuracy(case: Case, capsys: pytest.CaptureFixture[str])
 def test_a_study_notes_what_it_does_not_measure(schedule: str, notes: list[str]) -> None:
     scene = load_scene(Path("scene.yaml"), overrides=["error.tolerance=null", f"error.{schedule}"])
     assert scene_notes(scene) == notes
+
+
+@pytest.mark.parametrize(
+    ("light", "probes"), [("null", "1024 exact rays"), ("{}", "paths of light through 1024 pixels")]
+)
+def test_a_quick_study_notes_how_few_pixels_it_compares(light: str, probes: str) -> None:
+    scene = load_scene(Path("scene.yaml"), overrides=[f"light={light}"])
+    (note,) = scene_notes(scene, is_quick=True)
+    assert note.startswith(f"errors are estimates from {probes} of each frame")
