@@ -15,7 +15,7 @@ import numpy as np
 from renderer.scene import Color, colormap_points
 from renderer.statistics import MAX_CROSSINGS, VoxelSample, crossings, tail_ratio
 from renderer.suggest.layer import Layer
-from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
+from renderer.suggest.palette import FIELD_COLORMAP, FIELD_ENDS
 from renderer.suggest.presets import SHADING, Preset
 from renderer.volume import Float64
 
@@ -49,7 +49,7 @@ def field_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
     """
     levels = origin + _shell_levels(sample.normalized - origin, first - origin, _NUM_SHELLS)
     palette = colormap_points(FIELD_COLORMAP, 256)
-    colors = [palette[int(255 * at)] for at in np.linspace(FIELD_DARKEST, 1.0, _NUM_SHELLS)]
+    colors = [palette[int(255 * at)] for at in np.linspace(*FIELD_ENDS, _NUM_SHELLS)]
     return _shells_preset(sample, [(level,) for level in zip(levels.tolist(), colors, strict=True)])
 
 

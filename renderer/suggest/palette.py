@@ -11,10 +11,12 @@ from renderer.looks import lab_from_rgb
 from renderer.scene import Color, colormap_points
 from renderer.volume import Float64
 
-# The colormap whose colours are suggested for fields.
-FIELD_COLORMAP = "viridis"
-# The position in the colormap, from 0 to 1, of the colour for the lowest level of a field.
-FIELD_DARKEST = 0.4
+# The colormap whose colours are suggested for fields: from blue over white to brown, which are told apart without red
+# and green.
+FIELD_COLORMAP = "vik"
+# The positions in the colormap, from 0 to 1, of the colours for the lowest and the highest level of a field. Colours
+# nearer to the ends are too dark on black.
+FIELD_ENDS = (0.15, 0.85)
 
 # Colours for labels are chosen from a grid of colours, with this many values of each of red, green and blue.
 _STEPS = 12

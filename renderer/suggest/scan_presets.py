@@ -52,17 +52,17 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
 
 # Thin matter around an object, such as leaves, skin and noise: a neutral colour, as a saturated one looks like smoke.
 _MIST = (0.70, 0.72, 0.74)
-_CLAY = (0.80, 0.47, 0.34)
-_SAND = (0.91, 0.68, 0.42)
-_IVORY = (0.98, 0.95, 0.88)
+# Soft matter, shells, pots and casings: a colour between that of wood and that of flesh, which suits all of them.
+_TAN = (0.76, 0.57, 0.45)
+_IVORY = (0.97, 0.94, 0.88)
 # For scans of one, two and three materials: each material's name, colour, and share of the picture, from the thinnest
 # material to the densest.
 _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
     1: (("the object", STONE, 1.0),),
-    2: (("the thinner material", _CLAY, 0.4), ("the denser material", _IVORY, 0.6)),
+    2: (("the thinner material", _TAN, 0.4), ("the denser material", _IVORY, 0.6)),
     3: (
         ("the thinnest material", _MIST, 0.15),
-        ("the middle material", _SAND, 0.35),
+        ("the middle material", _TAN, 0.35),
         ("the densest material", _IVORY, 0.4),
     ),
 }
@@ -98,7 +98,7 @@ _MIN_INNER = 0.35
 _MIN_INNER_RATIO = 2.0
 # The colours of a closed object at four values: where the object begins, at its second material, at its densest
 # material, and at the largest value.
-_CLIP_COLORS = ((0.28, 0.15, 0.13), (0.74, 0.50, 0.41), (0.98, 0.86, 0.74), (1.0, 1.0, 0.97))
+_CLIP_COLORS = ((0.34, 0.22, 0.19), (0.82, 0.64, 0.55), (0.96, 0.87, 0.79), (1.0, 0.99, 0.96))
 # The light on a closed object, which a box cuts open. Most of the light is ambient, so that all faces of the cut are
 # about equally bright.
 _CLIP_SHADING = replace(SHADING, ambient=0.9, diffuse=0.3, occlusion=0.6)

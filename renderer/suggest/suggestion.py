@@ -20,7 +20,7 @@ from renderer.scene import (
     colormap_points,
 )
 from renderer.statistics import OutlierValue, Statistics, VoxelSample, format_number
-from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST, in_8_bits
+from renderer.suggest.palette import FIELD_COLORMAP, FIELD_ENDS, in_8_bits
 
 # Outliers are transparent: values farther outside the range of all other values than a margin, which is this part of
 # the range, or half of the gap to the nearest outlier if that is less.
@@ -103,11 +103,13 @@ def with_logarithmic_scale(suggestion: Suggestion, colormap: str | None) -> Sugg
     mapping = with_colormap(suggestion, colormap or FIELD_COLORMAP).transfer.mapping
     assert isinstance(mapping, ColormapSpec)
     first, last = mapping.range
-    if colormap is None:  # the darkest part of the colormap is not used
-        first -= FIELD_DARKEST / (1 - FIELD_DARKEST) * (last - first)
+    if colormap is None:  # the ends of the colormap are not used
+        low, high = FIELD_ENDS
+        whole = (last - first) / (high - low)
+        first, last = first - low * whole, last + (1 - high) * whole
 
     def value(logarithm: float) -> float:
-        return float(f"{10.0 ** max(logarithm, -300.0):.4g}")
+        return float(f"{10.0 ** min(max(logarithm, -300.0), 308.0):.4g}")
 
     mapping = replace(
         mapping,

@@ -17,6 +17,7 @@ from measuring import PAGES, machine_line, parser_of, write_page
 
 import renderer
 from renderer.readers import read_volume
+from renderer.scene import Scene
 from renderer.statistics import compute_statistics
 from renderer.suggest import suggest
 from renderer.volume import UInt8
@@ -44,7 +45,7 @@ def source(path: Path) -> Any:
     return np.fromfile(path, "<u2").reshape(114, 96, 128), {"spacing": (0.015625,) * 3}
 
 
-def draw(path: Path) -> tuple[renderer.Scene, Pixels, float]:
+def draw(path: Path) -> tuple[renderer.FilmScene, Pixels, float]:
     """Return the suggested scene, its pictures side by side, and the seconds that the suggestion took."""
     volume, options = source(path)
     start = time.perf_counter()
@@ -54,7 +55,7 @@ def draw(path: Path) -> tuple[renderer.Scene, Pixels, float]:
     return scene, np.concatenate(pictures, axis=1), seconds
 
 
-def agreement(scene: renderer.Scene) -> str:
+def agreement(scene: Scene) -> str:
     """Return the part of the picture that is as asked for, from 0 to 1; nothing without targets."""
     volume = read_volume(scene.layers[0].volume)
     shown = suggest(volume, compute_statistics(volume.values, volume.source)).visible
@@ -66,7 +67,8 @@ def rows(volumes: dict[str, Path]) -> Iterator[tuple[str, Pixels]]:
     for name, path in volumes.items():
         print(name, flush=True)
         scene, pictures, seconds = draw(path)
-        cells = (name, agreement(scene), f"{seconds:.1f}", len(scene.clip) or "")
+        first = scene.at(0)
+        cells = (name, agreement(first), f"{seconds:.1f}", len(first.clip) or "")
         yield f"| {' | '.join(map(str, cells))} |", pictures
 
 

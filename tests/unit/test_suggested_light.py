@@ -25,13 +25,13 @@ def suggested_scene(*options: str) -> Scene:
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_an_environment_lights_the_scene(name: str, folder: Path) -> None:
-    """In place of the shading; the sun and the lamp have highlights, clouds have no key light."""
+    """In place of the shading; each has a key light, and the sun and the lamp have highlights."""
     light, (layer,) = (scene := suggested_scene("--light", name)).light, scene.layers
     assert light is not None and layer.shading is None
     assert light.environment == ENVIRONMENTS[name] and light.up == (0, 0, 1)
     assert light.surface == 0.9 and light.exposure is None
-    assert (light.key is None, light.specular > 0) == (name == "overcast", name != "overcast")
-    assert light.key is None or light.key.direction == LAMP
+    assert light.key is not None and (light.specular > 0) == (name != "overcast")
+    assert (light.key.direction == LAMP) == (name == "studio") and light.key.direction[2] > 0
 
 
 def test_no_light_is_suggested_without_the_word(folder: Path) -> None:
