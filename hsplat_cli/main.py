@@ -39,6 +39,8 @@ COMMANDS = {
     "golden": "Keep frames of scenes to compare later ones with.",
     "compare": "Compare frames with golden ones; exit with 1 where they differ.",
     "info": "Describe a volume: shape, place, values and histogram.",
+    "explain": "Say what a key of a scene is: its values, bounds and default.",
+    "schema": "Print the JSON Schema of scenes, for editors.",
 }
 
 # The class of the error that click 8.2 and newer raise for a command line without arguments; no class in older ones.

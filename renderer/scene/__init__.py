@@ -19,6 +19,8 @@ Its field types also check sidecars and golden records. Importing it imports no 
 - `schema.py`: the types of fields, which other rooms use as `schema.number_field(...)`, and the reading of sections
   with its checks for unknown and missing keys; `tree_node.py`: the base of all field types, and the reader of values
   that move; `motion.py`: `Motion`, a value that moves, and `OverFrames`, a part of a scene that is read at a frame.
+- `json_schema.py`: the JSON Schema of a mapping from the types of its keys; `key_explanation.py`: the schema of a whole
+  scene, for editors, and the text on a key.
 - `limits.py`: checks of several numbers together; `colors.py`: the colours of a scene; `colormaps.py`: named colormaps;
   `message_text.py`: values and "did you mean" in messages; `schedule.py`: the tolerance or budget of each frame.
 """

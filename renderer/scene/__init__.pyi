@@ -58,6 +58,12 @@ from .input_file import (
     require_file as require_file,
 )
 from .json_tree import is_plain_data as is_plain_data, load_json_object as load_json_object
+from .key_explanation import (
+    SCHEMA_TITLE as SCHEMA_TITLE,
+    explain_key as explain_key,
+    scene_keys as scene_keys,
+    scene_schema as scene_schema,
+)
 from .labels_section import (
     MAX_LABEL as MAX_LABEL,
     MAX_LABELS as MAX_LABELS,
@@ -216,6 +222,7 @@ from .camera_section import (
     MAX_FIELD_OF_VIEW as MAX_FIELD_OF_VIEW,
     MAX_ZOOM as MAX_ZOOM,
     MIN_FIELD_OF_VIEW as MIN_FIELD_OF_VIEW,
+    PATH_EXAMPLES as PATH_EXAMPLES,
 )
 from .colormaps import is_colormap as is_colormap, nearest_colormap as nearest_colormap
 from .motion import EASINGS as EASINGS, MotionKind as MotionKind, values_at as values_at

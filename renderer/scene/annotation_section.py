@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,7 +12,7 @@ from renderer.errors import InputError
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.message_text import did_you_mean, join_some
-from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.schema import INVALID, Color, KeyText, TreeNode
 from renderer.scene.volume_files import file_field
 from renderer.system import printable
 
@@ -72,9 +72,13 @@ class EntrySpec:
     color: `auto` is white on a dark background and black on a light one.
     """
 
-    position: Position
-    size: Annotated[float, _SIZE]
-    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
+    position: Annotated[Position, KeyText("The place along the edges of the picture.")]
+    size: Annotated[
+        float, _SIZE, KeyText("The height of the text, or of the whole entry, as a share of the picture's.")
+    ]
+    color: Annotated[
+        Color | Literal["auto"], _COLOR, KeyText("The color; `auto`: white on a dark background, else black.")
+    ] = "auto"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +90,17 @@ class ColorBarSpec(EntrySpec):
     layer: the number, from 0, of the volume whose transfer function is shown; None shows those of all volumes.
     """
 
-    label: Annotated[str | None, _TEXT] = None
-    length: Annotated[float, schema.number_field(minimum=0.05, maximum=0.9, motion=None)] = 0.35
-    layer: Annotated[int | None, schema.integer_field(minimum=0)] = None
+    label: Annotated[str | None, _TEXT, KeyText("The text over the bar.", "name and unit of the values", "density")] = (
+        None
+    )
+    length: Annotated[
+        float,
+        schema.number_field(minimum=0.05, maximum=0.9, motion=None),
+        KeyText("The length of the bar, as a share of the picture's height."),
+    ] = 0.35
+    layer: Annotated[
+        int | None, schema.integer_field(minimum=0), KeyText("The number of the volume, from 0.", "all", "0")
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,21 +111,29 @@ class TimeSpec(EntrySpec):
         that is shown, and dotted keys of values that move, such as `camera.zoom`.
     """
 
-    format: Annotated[str, schema.FieldType(_FORMAT_WORDS, _parse_format)] = "{seconds:.1f} s"
+    format: Annotated[
+        str,
+        schema.FieldType(_FORMAT_WORDS, _parse_format, plain_schema=schema.of_json_type("string")),
+        KeyText("The text, with `frame`, `seconds`, `time` or a key that moves in braces."),
+    ] = "{seconds:.1f} s"
 
 
 @dataclass(frozen=True, kw_only=True)
 class TitleSpec(EntrySpec):
     """An entry with a fixed line of text."""
 
-    text: Annotated[str, _TEXT]
+    text: Annotated[str, _TEXT, KeyText("The text of the title.", example="Abdomen")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogoSpec(EntrySpec):
     """An entry with a picture from a PNG, JPEG or WebP file."""
 
-    file: Annotated[Path, file_field("a picture: PNG, JPEG or WebP", folder=False)]
+    file: Annotated[
+        Path,
+        file_field("a picture: PNG, JPEG or WebP", folder=False),
+        KeyText("The picture, relative to the scene's file.", example="institute.png"),
+    ]
 
 
 def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None = None) -> schema.FieldType[Any]:
@@ -122,8 +142,10 @@ def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None =
     A scene gives the entry as a mapping, as the value of its key `short` alone or, if no key is required, as true.
     position, size: the default values of these keys.
     """
-    table = schema.field_table(cls)
     defaults: dict[str, Any] = {"position": position, "size": size}
+    table = {
+        key: replace(field, default=defaults.get(key, field.default)) for key, field in schema.field_table(cls).items()
+    }
     required = [key for key in schema.required_keys(cls) if key not in defaults]
     section = schema.section_field(table, lambda _, given: cls(**defaults | given), required=required)
 
@@ -138,7 +160,14 @@ def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None =
         return value if value is INVALID else cls(**defaults, **{short: value})
 
     words = ["" if required else "true", table[short].expected if short else "", "a mapping"]
-    return schema.FieldType(", or ".join(filter(None, words)), parse, table=section.table)
+    forms = [section, *([table[short]] if short else []), *([] if required else [schema.BOOLEAN_FIELD])]
+    return schema.FieldType(
+        ", or ".join(filter(None, words)),
+        parse,
+        table=section.table,
+        plain_schema=schema.either(*forms),
+        example=schema.example_of(table[short]) if required and short else "true",
+    )
 
 
 @dataclass(frozen=True)
@@ -149,17 +178,43 @@ class AnnotationSpec:
     font: the file of the font of all texts; None is DejaVu Sans.
     """
 
-    title: Annotated[TitleSpec | None, _entry(TitleSpec, "top", short="text")] = None
-    logo: Annotated[LogoSpec | None, _entry(LogoSpec, "top-left", 0.12, short="file")] = None
-    time: Annotated[TimeSpec | None, _entry(TimeSpec, "top-right", short="format")] = None
-    legend: Annotated[EntrySpec | None, _entry(EntrySpec, "left")] = None
-    color_bar: Annotated[ColorBarSpec | None, _entry(ColorBarSpec, "right")] = None
-    scale_bar: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-left")] = None
-    accuracy: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-left")] = None
-    orientation: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-right", 0.12)] = None
-    bounds: bool = False
-    octree: bool = False
-    font: Annotated[Path | None, file_field("the file of a font: TrueType or OpenType", folder=False)] = None
+    title: Annotated[TitleSpec | None, _entry(TitleSpec, "top", short="text"), KeyText("A line of text.", "none")] = (
+        None
+    )
+    logo: Annotated[
+        LogoSpec | None, _entry(LogoSpec, "top-left", 0.12, short="file"), KeyText("A picture from a file.", "none")
+    ] = None
+    time: Annotated[
+        TimeSpec | None, _entry(TimeSpec, "top-right", short="format"), KeyText("A line with numbers in it.", "none")
+    ] = None
+    legend: Annotated[
+        EntrySpec | None, _entry(EntrySpec, "left"), KeyText("Names and colors of labels, or of volumes.", "none")
+    ] = None
+    color_bar: Annotated[
+        ColorBarSpec | None,
+        _entry(ColorBarSpec, "right"),
+        KeyText("The colors and opacities of a transfer function, with its values.", "none"),
+    ] = None
+    scale_bar: Annotated[
+        EntrySpec | None, _entry(EntrySpec, "bottom-left"), KeyText("A bar of a round length.", "none")
+    ] = None
+    accuracy: Annotated[
+        EntrySpec | None, _entry(EntrySpec, "bottom-left"), KeyText("The accuracy of the frame.", "none")
+    ] = None
+    orientation: Annotated[
+        EntrySpec | None,
+        _entry(EntrySpec, "bottom-right", 0.12),
+        KeyText("Arrows along the axes of the world.", "none"),
+    ] = None
+    bounds: Annotated[bool, KeyText("Whether lines along the volume's box are drawn, with ticks.")] = False
+    octree: Annotated[bool, KeyText("Whether lines along the edges of the cells are drawn, colored by their size.")] = (
+        False
+    )
+    font: Annotated[
+        Path | None,
+        file_field("the file of a font: TrueType or OpenType", folder=False),
+        KeyText("The file of the font of all texts.", "DejaVu Sans", "NotoSansCJK-Regular.otf"),
+    ] = None
 
     @property
     def entries(self) -> dict[str, EntrySpec]:

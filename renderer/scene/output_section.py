@@ -15,7 +15,7 @@ from renderer.scene.input_file import place_name, place_of
 from renderer.scene.message_text import did_you_mean, format_value, join_words
 from renderer.scene.motion import Motion, at_keys, value_at
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
-from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.schema import INVALID, Color, KeyText, TreeNode
 
 # The field of a file's name that the frame's number replaces, such as {frame:04}. Zeros before the number fill it to at
 # most nine digits, so that names sort in frame order.
@@ -69,6 +69,11 @@ def _parse_background(node: TreeNode) -> Any:
     return INVALID if INVALID in ends.values() else (ends["top"], ends["bottom"])
 
 
+def _gradient_schema(moves: bool) -> schema.JsonSchema:
+    ends = {key: replace(field, is_needed=True) for key, field in _GRADIENT.items()}
+    return schema.mapping_schema(ends, moves=moves)
+
+
 def _written_background(background: Background) -> Any:
     """Return a background as it is written in a scene: a word, a color, or a mapping with the ends of a gradient."""
     if background is None:
@@ -76,7 +81,7 @@ def _written_background(background: Background) -> Any:
     return dict(zip(_GRADIENT, background, strict=True)) if isinstance(background[0], tuple) else background
 
 
-OUTPUT_FILE_FIELD = schema.FieldType(_FILE_WORDS, _parse_file)
+OUTPUT_FILE_FIELD = schema.FieldType(_FILE_WORDS, _parse_file, plain_schema=schema.of_json_type("string"))
 _SIZE = schema.sequence_field(
     schema.integer_field(minimum=1, maximum=MAX_SIDE),
     f"[width, height]: two whole numbers from 1 to {MAX_SIDE}",
@@ -84,9 +89,17 @@ _SIZE = schema.sequence_field(
 )
 _BACKGROUND_WORDS = f"{COLOR_FIELD.expected}, transparent, or {{top, bottom}} with two colors"
 _COLOR_OR_NONE = schema.word_or({"transparent": None}, COLOR_FIELD, _BACKGROUND_WORDS)
-_GRADIENT = dict.fromkeys(("top", "bottom"), COLOR_FIELD)
-_BACKGROUND = replace(_COLOR_OR_NONE, parser=_parse_background)
-_FRAME = schema.FieldType[Any]("a frame, -1 for the last one, or seconds such as 2.5s", schema.read_frame)
+_GRADIENT = {end: schema.described(COLOR_FIELD, f"The color at the {end}.") for end in ("top", "bottom")}
+_BACKGROUND = replace(
+    _COLOR_OR_NONE,
+    parser=_parse_background,
+    plain_schema=lambda moves: schema.any_of(_COLOR_OR_NONE.plain_schema(moves), _gradient_schema(moves)),
+)
+_FRAME = schema.FieldType[Any](
+    "a frame, -1 for the last one, or seconds such as 2.5s",
+    schema.read_frame,
+    plain_schema=lambda _moves: {"type": ["integer", "string"]},
+)
 
 
 class PictureKind(NamedTuple):
@@ -134,16 +147,47 @@ class OutputFile:
     frame: the only frame that the output shows; None for all frames.
     """
 
-    file: Annotated[Path, OUTPUT_FILE_FIELD]
-    size: Annotated[tuple[int, int], _SIZE] = (512, 512)
-    frames_per_second: Annotated[float, schema.number_field(minimum=0.01, maximum=1000, motion=None)] = 30.0
-    background: Annotated[Background | Motion[Background], _BACKGROUND] = (0.0, 0.0, 0.0)
-    quality: Annotated[float, schema.number_field(minimum=0, maximum=MAX_QUALITY, motion=None)] = 8.0
-    codec: Annotated[str | None, schema.TEXT_FIELD] = None
-    crf: Annotated[float | None, schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)] = None
-    pixel_format: Annotated[str | None, schema.TEXT_FIELD] = None
-    every: Annotated[int, schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)] = 1
-    frame: Annotated[int | None, _FRAME] = None
+    file: Annotated[
+        Path,
+        OUTPUT_FILE_FIELD,
+        KeyText("The file, whose suffix is the format; relative to the current folder.", example="scan.mp4"),
+    ]
+    size: Annotated[tuple[int, int], _SIZE, KeyText("The width and the height of the pictures, in pixels.")] = (
+        512,
+        512,
+    )
+    frames_per_second: Annotated[
+        float, schema.number_field(minimum=0.01, maximum=1000, motion=None), KeyText("The frames of a second.")
+    ] = 30.0
+    background: Annotated[
+        Background | Motion[Background],
+        _BACKGROUND,
+        KeyText("The color behind everything, `transparent`, or a gradient such as {top: white, bottom: black}."),
+    ] = (0.0, 0.0, 0.0)
+    quality: Annotated[
+        float,
+        schema.number_field(minimum=0, maximum=MAX_QUALITY, motion=None),
+        KeyText("From 0, the smallest file, to 10, the best picture, where the encoder has a choice."),
+    ] = 8.0
+    codec: Annotated[
+        str | None, schema.TEXT_FIELD, KeyText("The encoder of a film.", "the first of the format", "hevc")
+    ] = None
+    crf: Annotated[
+        float | None,
+        schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None),
+        KeyText("In place of `quality`: the constant rate factor, where the encoder has one.", "by quality", "18"),
+    ] = None
+    pixel_format: Annotated[
+        str | None, schema.TEXT_FIELD, KeyText("ffmpeg's pixel format.", "the first of the codec", "yuv444p")
+    ] = None
+    every: Annotated[
+        int,
+        schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES),
+        KeyText("Of a further file in a list: 2 shows the frames 0, 2, 4 and so on."),
+    ] = 1
+    frame: Annotated[
+        int | None, _FRAME, KeyText("Of a further file in a list: the only frame that it shows.", "all frames", "30")
+    ] = None
 
     @property
     def format(self) -> OutputFormat:
@@ -355,7 +399,13 @@ def _check_names(files: Iterable[tuple[TreeNode, OutputFile]]) -> None:
         known.append((pattern, example))
 
 
-OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _parse_output, table=_FILE.table)
+_FILES = schema.sequence_field(_FILE, "a list of files")
+OUTPUT_SECTION = schema.FieldType(
+    "a mapping with file, or a list of such",
+    _parse_output,
+    table=_FILE.table,
+    plain_schema=schema.either(_FILE, _FILES),
+)
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
