@@ -7,7 +7,7 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.film import write_staged
-from renderer.scene import MAX_SCENE_BYTES, SCHEMA_TITLE, read_json_object, scene_schema
+from renderer.scene import MAX_SCENE_BYTES, SCHEMA_COMMENT, read_json_object, scene_schema
 
 # The name of the schema, in the folder of the scenes that it is for.
 SCHEMA_FILE = "hsplat.schema.json"
@@ -25,7 +25,7 @@ def write_schema(path: Path) -> None:
     content = schema_content()
     if path.exists():
         known = read_json_object(path, MAX_SCENE_BYTES) or {}
-        if known.get("title") != SCHEMA_TITLE:
+        if known.get("$comment") != SCHEMA_COMMENT:
             hint = "move it, or give another --output"
             raise InputError("this file exists, and is no schema of scenes", where=str(path), hint=hint)
         if path.read_bytes() == content:

@@ -59,7 +59,7 @@ from .input_file import (
 )
 from .json_tree import is_plain_data as is_plain_data, load_json_object as load_json_object
 from .key_explanation import (
-    SCHEMA_TITLE as SCHEMA_TITLE,
+    SCHEMA_COMMENT as SCHEMA_COMMENT,
     explain_key as explain_key,
     scene_keys as scene_keys,
     scene_schema as scene_schema,

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from renderer.scene.message_text import format_value
-from renderer.scene.tree_node import FieldTable, FieldType, JsonSchema, KeyText
+from renderer.scene.tree_node import FieldTable, FieldType, JsonSchema
+from renderer.scene.yaml_tree import parse_yaml
 
 # Whole numbers below this are written without a point and an exponent.
 _MAX_WHOLE = 1e15
+# The words for how values move between two keys.
+_MOTIONS = {"linear": "by equal amounts", "ratio": "in even ratios", "direction": "on the sphere"}
 # A text that needs no quotes in YAML.
 _PLAIN_TEXT = re.compile(r"-?[A-Za-z][\w./-]{0,60}", re.ASCII)
 
@@ -39,7 +42,7 @@ def mapping_schema(table: FieldTable, alternatives: Alternatives = NO_ALTERNATIV
             keys.setdefault(key, []).extend(other for other in group if other != key)
     shape: JsonSchema = {
         "type": "object",
-        "properties": {key: key_schema(field, moves) for key, field in table.items()},
+        "properties": {key: key_schema(key, field, moves) for key, field in table.items()},
         "additionalProperties": False,
     }
     if required:
@@ -50,16 +53,39 @@ def mapping_schema(table: FieldTable, alternatives: Alternatives = NO_ALTERNATIV
             for key, rest in keys.items()
         }
     if alternatives.needed:
-        shape["allOf"] = [{"anyOf": [{"required": [key]} for key in group]} for group in alternatives.needed]
+        shape["allOf"] = [_one_needed([*group]) for group in alternatives.needed]
     return shape
 
 
-def key_schema(field: FieldType[Any], moves: bool = True) -> JsonSchema:
+def _one_needed(group: Sequence[str]) -> JsonSchema:
+    """Return the JSON Schema of a mapping with one key of a group at least; else the first one is missing.
+
+    `anyOf` alone would do, but editors show the descriptions of all its parts in place of the mapping's own.
+    """
+    given = {"anyOf": [{"required": [key]} for key in group]}
+    return {"if": {"not": given}, "then": {"required": [group[0]]}}
+
+
+def key_schema(key: str, field: FieldType[Any], moves: bool = True) -> JsonSchema:
     """Return the JSON Schema of a key's value, with the text on the key."""
-    text = field.text or KeyText("")
+    if field.text is None:
+        return field.schema(moves)
     default = {} if field.default is None else {"default": field.default}
-    words = f"{text.sentence} Default: {text.default}." if text.default else text.sentence
-    return ({"description": words} if words else {}) | default | field.schema(moves)
+    example = "" if default else example_of(field)
+    examples = {"examples": [parse_yaml(example).data]} if example else {}
+    return {"title": key, "description": "\n".join(key_lines(field))} | default | examples | field.schema(moves)
+
+
+def key_lines(field: FieldType[Any]) -> list[str]:
+    """Return the text on a key: its sentence, its values, its default, and whether it moves."""
+    lines = [field.text.sentence if field.text else "", f"Value: {field.expected}."]
+    words = field.text.default if field.text else ""
+    default = words if field.default is None else yaml_flow(field.default)
+    if field.is_needed or default:
+        lines.append("Needed." if field.is_needed else f"Default: {default}.")
+    if field.motion is not None:
+        lines.append(f"Moves: a map from frames to values may take its place; they change {_MOTIONS[field.motion]}.")
+    return lines
 
 
 def mapping_example(table: FieldTable, alternatives: Alternatives = NO_ALTERNATIVES) -> str:

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
+from urllib.parse import quote
 
 from renderer.errors import InputError, closest_match
 from renderer.scene import schema
@@ -13,10 +14,8 @@ from renderer.scene.message_text import join_words
 from renderer.scene.schema import FieldTable, FieldType, JsonSchema
 from renderer.scene.spec import SECTION_ALTERNATIVES, SECTIONS
 
-# The beginning of a JSON Schema by hsplat, which tells it from other files.
-SCHEMA_TITLE = "A scene of hsplat"
-# The words for how values move between two keys.
-_MOTIONS = {"linear": "by equal amounts", "ratio": "in even ratios", "direction": "on the sphere"}
+# The comment in a JSON Schema by hsplat, which tells its file from others.
+SCHEMA_COMMENT = "the keys of hsplat's scenes; `hsplat schema` writes this file"
 # A part of the schema that is at least this long, in characters, and stands at several places is a definition.
 _MIN_SHARED = 200
 # The parts of a JSON Schema that hold schemas: by key, in lists, alone.
@@ -30,7 +29,7 @@ _MAX_NEAR = 3
 def scene_schema() -> JsonSchema:
     """Return the JSON Schema (draft 7) of a scene file, as plain data."""
     shape = schema.mapping_schema(SECTIONS, SECTION_ALTERNATIVES, moves=True)
-    head = {"$schema": "http://json-schema.org/draft-07/schema#", "title": SCHEMA_TITLE}
+    head = {"$schema": "http://json-schema.org/draft-07/schema#", "$comment": SCHEMA_COMMENT}
     return head | _with_definitions(shape)
 
 
@@ -58,31 +57,15 @@ def explain_key(key: str) -> list[str]:
         near = _near_keys(path)
         hint = f"did you mean {join_words(near)}?" if near else None
         raise InputError("a scene has no such key", got=key, expected="a key such as light.key.radius", hint=hint)
-    lines = [f"{path}: {_sentence(field)}", f"  value: {field.expected}", *_default_lines(field)]
-    lines.append(f"  moves: {_moves(field)}")
-    if example := schema.example_of(field):
-        lines.append(f"  example: {path.rpartition('.')[2]}: {example}")
+    first, *others = schema.key_lines(field)
+    lines = [f"{path}: {first}", *(f"  {line}" for line in others)]
+    if field.default is None and (example := schema.example_of(field)):
+        lines.append(f"  Example: {path.rpartition('.')[2]}: {example}")
     return lines + [f"  {path}.{name}: {_sentence(item)}" for name, item in (field.table or {}).items()]
-
-
-def _moves(field: FieldType[Any]) -> str:
-    """Return whether a value moves, and how, in words."""
-    if field.motion is not None:
-        return f"a map from frames to values may stand in its place, which changes {_MOTIONS[field.motion]}"
-    moves_in_part = any(item.motion is not None for _, item in _keys_below("", field.table or {}))
-    return "some of its keys can" if moves_in_part else "no"
 
 
 def _sentence(field: FieldType[Any]) -> str:
     return field.text.sentence if field.text else ""
-
-
-def _default_lines(field: FieldType[Any]) -> list[str]:
-    if field.is_needed:
-        return ["  default: none, it is needed"]
-    words = field.text.default if field.text else ""
-    default = words if field.default is None else schema.yaml_flow(field.default)
-    return [f"  default: {default}"] if default else []
 
 
 def _near_keys(path: str) -> list[str]:
@@ -108,9 +91,10 @@ def _with_definitions(shape: JsonSchema) -> JsonSchema:
         if not isinstance(part, dict) or texts[text] < 2 or len(text) < _MIN_SHARED:
             return _map_schemas(part, shared, key)
         if text not in names:
-            name = names[text] = f"{key}-{len(names)}"
+            same = sum(each.partition(" ")[0] == key for each in names.values())
+            name = names[text] = f"{key} {same + 1}" if same else key
             definitions[name] = _map_schemas(part, shared, key)
-        return {"$ref": f"#/definitions/{names[text]}"}
+        return {"$ref": f"#/definitions/{quote(names[text])}"}
 
     whole: JsonSchema = _map_schemas(shape, shared, "")
     return whole | {"definitions": definitions}

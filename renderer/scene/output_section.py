@@ -178,7 +178,9 @@ class OutputFile:
         KeyText("In place of `quality`: the constant rate factor, where the encoder has one.", "by quality", "18"),
     ] = None
     pixel_format: Annotated[
-        str | None, schema.TEXT_FIELD, KeyText("ffmpeg's pixel format.", "the first of the codec", "yuv444p")
+        str | None,
+        schema.TEXT_FIELD,
+        KeyText("The pixel format, by its name in ffmpeg.", "the first of the codec", "yuv444p"),
     ] = None
     every: Annotated[
         int,
@@ -405,6 +407,7 @@ OUTPUT_SECTION = schema.FieldType(
     _parse_output,
     table=_FILE.table,
     plain_schema=schema.either(_FILE, _FILES),
+    example=_FILE.example,
 )
 
 

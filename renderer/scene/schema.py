@@ -23,6 +23,7 @@ from renderer.scene.json_schema import (
     Alternatives as Alternatives,
     as_written,
     example_of as example_of,
+    key_lines as key_lines,
     key_schema as key_schema,
     mapping_example as mapping_example,
     mapping_schema as mapping_schema,

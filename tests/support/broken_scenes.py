@@ -5,7 +5,7 @@ from __future__ import annotations
 GOOD = """\
 version: 1
 volume:
-  procedural: {name: engine_block, shape: [32, 32, 16]}
+  file: scan.nrrd
   level: auto
 transfer_function:
   unit: 1
@@ -73,10 +73,10 @@ MISTAKES = {
     "half a pixel": ("size: [64, 64]", "size: [64, 64.5]"),
     "two schedules": ("tolerance: 0.1", "{tolerance: 0.1, psnr: 40}"),
     "plane and box": ("fixed: camera", "box: [[0, 0, 0], [1, 1, 1]]"),
-    "two sources of voxels": ("level: auto", "file: scan.nrrd"),
+    "two sources of voxels": ("level: auto", "procedural: {name: constant, shape: [4, 4, 4]}"),
     "a missing key": (
-        "procedural: {name: engine_block, shape: [32, 32, 16]}",
-        "procedural: {name: engine_block}",
+        "- plane: {point: [0, 0, 0], normal: [0, 0, 1]}",
+        "- plane: {point: [0, 0, 0]}",
     ),
     "another version": ("version: 1", "version: 2"),
 }
