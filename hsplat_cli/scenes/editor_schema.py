@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 from renderer.errors import InputError
@@ -15,6 +16,7 @@ SCHEMA_FILE = "hsplat.schema.json"
 SCHEMA_LINE = f"# yaml-language-server: $schema={SCHEMA_FILE}\n"
 
 
+@cache
 def schema_content() -> bytes:
     """Return the content of the file of the schema."""
     return (json.dumps(scene_schema(), indent=1) + "\n").encode()

@@ -180,7 +180,7 @@ class OutputFile:
     pixel_format: Annotated[
         str | None,
         schema.TEXT_FIELD,
-        KeyText("The pixel format, by its name in ffmpeg.", "the first of the codec", "yuv444p"),
+        KeyText("The pixel format of ffmpeg.", "the first of the codec", "yuv444p"),
     ] = None
     every: Annotated[
         int,

@@ -152,7 +152,7 @@ _UNIT_FIELD = schema.described(
 )
 _COLORMAP_FIELDS: schema.FieldTable = {
     "colormap": schema.described(
-        COLORMAP_FIELD, "A colormap by its name, of the cmap package or of ParaView; it needs `range` and `opacity`."
+        COLORMAP_FIELD, "In place of `points`, with `range` and `opacity`: a colormap of cmap or ParaView, by its name."
     ),
     "range": schema.described(
         VALUE_RANGE_FIELD, "The values of the first and the last color of the colormap.", example="[0, 255]"
@@ -170,7 +170,9 @@ _IMPORT = schema.text_field(
 )
 _IMPORT_FIELDS: schema.FieldTable = {
     "import": schema.described(
-        _IMPORT, "The file of another program's transfer function, or a preset by its name.", example="ct-bone"
+        _IMPORT,
+        "In place of `points`: the file of another program's transfer function, or a preset by its name.",
+        example="ct-bone",
     ),
     "name": schema.described(
         schema.TEXT_FIELD,
@@ -179,7 +181,10 @@ _IMPORT_FIELDS: schema.FieldTable = {
         example="CT-Bone",
     ),
     "shift": schema.described(
-        schema.number_field(), "With `import`: a number that is added to values of the file, after `scale`.", default=0
+        schema.number_field(),
+        "With `import`: a number that is added to values of the file, after `scale`.",
+        words="0",
+        example="-1024",
     ),
     "scale": schema.described(
         schema.word_or(

@@ -446,8 +446,12 @@ _SOURCES: dict[str, schema.FieldType[Any]] = {
         "scene's file.",
         example="scan.nhdr",
     ),
-    "raw": schema.described(schema.dataclass_field(RawSource, _check_raw), "A file of voxels without a header."),
-    "procedural": schema.described(schema.dataclass_field(ProceduralSource), "A volume that a formula makes."),
+    "raw": schema.described(
+        schema.dataclass_field(RawSource, _check_raw), "In place of `file`: a file of voxels without a header."
+    ),
+    "procedural": schema.described(
+        schema.dataclass_field(ProceduralSource), "In place of `file`: a volume that a formula makes."
+    ),
 }
 # The keys of a volume of which exactly one is given.
 SOURCES = schema.Alternatives([_SOURCES], [_SOURCES])
