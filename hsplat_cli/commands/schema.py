@@ -15,9 +15,10 @@ from hsplat_cli.terminal import OutputPath, Reporter
     "--output", type=OutputPath(dir_okay=False), metavar="FILE", help="Write to this file, not to the standard output."
 )
 def schema(output: Path | None) -> None:
-    """Print the JSON Schema of scenes, by which editors complete and check their keys.
+    """Print the JSON Schema of scenes, for editors.
 
-    A scene names it in its first line: # yaml-language-server: $schema=hsplat.schema.json
+    With it, they complete keys and mark mistakes. The first line of a scene names it:
+    # yaml-language-server: $schema=hsplat.schema.json
     """
     reporter = Reporter()
     if output is None:
