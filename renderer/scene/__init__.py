@@ -1,6 +1,7 @@
 """The scene: a frozen and checked description of a job.
 
-In: YAML text or a parsed tree. Out: `FilmScene`, or one `SceneError` that lists every problem with its line and column.
+In: YAML text or a parsed tree. Out: `FilmScene`, or one `SceneError` that lists every problem with its line and column;
+and the JSON Schema of scenes, with the text on each key.
 Its field types also check sidecars and golden records. Importing it imports no numpy, so that `hsplat check` is fast.
 
 - `scene_file.py` reads a scene file, applies `--set` and other options, and locates problems; `input_file.py` bounds
