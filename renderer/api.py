@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.annotation import require_annotation
 from renderer.api_scenes import (
     CameraLike,
     SceneLike,
@@ -31,7 +30,7 @@ from renderer.api_scenes import (
 )
 from renderer.errors import InputError
 from renderer.film import encode_png, frame_path
-from renderer.frame import FilmStage, LODCostEstimator, prepare_stage
+from renderer.frame import FilmStage, LODCostEstimator, prepare_stage, require_annotation
 from renderer.job import (
     FilmJob,
     JobEvents,

@@ -12,8 +12,8 @@ from hsplat_cli.preview.variants import draw_tolerances, suggest_looks, variants
 from hsplat_cli.preview.volume_chart import chart_of
 from hsplat_cli.reports import render_page
 from renderer.accuracy import Glance, is_loop, look_ahead, scalar_ranges, spread_evenly
-from renderer.annotation import require_annotation
 from renderer.draw import open_rasterizer
+from renderer.frame import require_annotation
 from renderer.job import FilmJob
 from renderer.record import FilmVisibility, VisibleRange, film_visibility, range_record, visibility_text
 from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance
@@ -95,7 +95,7 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
 
 def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, Sequence[Glance]]:
     """Draw some frames of the film with their annotation; find the visible values, and the faults of pictures."""
-    has_text = bool(job.scene.at(0).annotation.entries)  # texts need a larger picture, which is then reduced
+    has_text = job.scene.at(0).annotation.has_patches  # texts need a larger picture, which is then reduced
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
     frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.at(0).camera.path))
     with studio.stage(scene) as stage:

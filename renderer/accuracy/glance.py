@@ -105,7 +105,8 @@ def _stage_at(film: FilmStage, number: int, num_threads: int) -> Stage:
     """Return the stage of a frame of a film in which something moves, made from some of the voxels to save time."""
     assert film.maker is not None
     scene = film.scene.at(number)
-    camera = replace(scene.camera, distance=scene.camera.distance or film.distance)
+    distance, shift = scene.camera.distance or film.distance, scene.camera.shift or film.shift
+    camera = replace(scene.camera, distance=distance, shift=shift)
     camera = camera if camera.follow else replace(camera, target=film.target)
     volumes = film.maker.volumes_of(scene)
     return _coarse_stage(replace(scene, camera=camera), scene.layers, volumes, num_threads).first

@@ -1,10 +1,8 @@
 from .annotator import Annotator as Annotator, annotation_problems as annotation_problems
 from .facts import AnnotationFacts as AnnotationFacts, ColorBar as ColorBar, FrameFacts as FrameFacts
-from .film_annotation import (
-    FilmAnnotation as FilmAnnotation,
-    annotation_notes as annotation_notes,
-    require_annotation as require_annotation,
-)
+from .layer_facts import film_facts as film_facts, frame_facts as frame_facts, length_unit as length_unit
+from .names import NamedLabel as NamedLabel, find_anchors as find_anchors, named_labels as named_labels
+from .room import LEAST_SHARE as LEAST_SHARE, Box as Box, free_rooms as free_rooms, taken_boxes as taken_boxes
 from .sketch import draw_annotation as draw_annotation
 from .text import Font as Font
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
-from renderer.annotation.entries import DRAWERS, Pen
-from renderer.annotation.facts import AnnotationFacts, FrameFacts
-from renderer.annotation.sketch import Patch, Sketch, is_light
+from renderer.annotation.entries import DRAWERS, MIN_TEXT_PX, MIN_TRIAD_PX, Pen
+from renderer.annotation.facts import AnnotationFacts, FrameFacts, Side
+from renderer.annotation.sketch import Patch, Sketch, is_light, polygon
 from renderer.annotation.text import Font
 from renderer.errors import InputError, Problem
-from renderer.scene import AnnotationSpec, Color, EntrySpec
+from renderer.scene import AnnotationSpec, Color, EntrySpec, NamesSpec
+from renderer.volume import UInt8
 
 # The distance of entries from the edges of the picture, as a share of the picture's shorter side.
 _MARGIN = 0.04
@@ -19,6 +23,19 @@ _MARGIN = 0.04
 _GAP = 0.02
 # The largest width of the rim around an entry, in pixels.
 _MAX_RIM_PX = 4
+
+# The sides of the picture with names of labels, in the order of `AnnotationFacts.names`.
+_SIDES: tuple[Side, Side] = ("left", "right")
+# The part of the picture's height that columns of names leave free for entries in the corners.
+_CORNERS = 0.22
+# The largest distance between names in a column, as a multiple of their height.
+_PITCH = 5.0
+# The opacity of a name whose label is not visible on a frame.
+_FAINT = 0.4
+# The factors of a picture's size that are tried for an entry without room.
+_LARGER = (1.25, 1.5, 2, 3, 4, 6, 8)
+# The least sizes of entries in pixels, where they are not those of a text.
+_LEAST_PX = {"orientation": MIN_TRIAD_PX}
 
 # The place of a drawing in the picture: the row and the column of the drawing's first pixel.
 Place = tuple[int, int]
@@ -34,7 +51,7 @@ class Annotator:
 
     def __init__(self, spec: AnnotationSpec, facts: AnnotationFacts) -> None:
         """Read the font. Raises InputError if it cannot be read."""
-        self._entries, self._facts = spec.entries, facts
+        self._spec, self._entries, self._facts = spec, spec.entries, facts
         self._pen, self.margin = Pen(Font(spec.font), facts), round(_MARGIN * min(facts.size))
         num = 2 * len(self._entries)  # for each entry, the current drawing and the drawing before it
         self._drawn, self._finished = lru_cache(num)(self._draw), lru_cache(num)(self._finish)
@@ -42,7 +59,8 @@ class Annotator:
     def patches(self, frame: FrameFacts) -> list[Patch]:
         """Return the patches to put over the picture of a frame, in the order of drawing."""
         sketches = {key: self.sketch(key, frame) for key in self._entries}
-        return [self._finished(key, sketches[key], place) for key, place in self.places(sketches).items()]
+        patches = [self._finished(key, sketches[key], place) for key, place in self.places(sketches).items()]
+        return [*patches, *self._name_patches(frame)]
 
     def sketch(self, key: str, frame: FrameFacts) -> Sketch:
         """Return the drawing of an entry on a frame; empty if there is nothing to show.
@@ -54,7 +72,7 @@ class Annotator:
 
     def _draw(self, key: str, shown: Any) -> Sketch:
         spec, (_, draw) = self._entries[key], DRAWERS[key]
-        return draw(spec, self._pen, self._pen.px(spec.size), shown)
+        return draw(spec, self._pen, self._pen.px(self._spec.size_of(key)), shown)
 
     def places(self, sketches: Mapping[str, Sketch]) -> dict[str, Place]:
         """Return the place of each drawing. Drawings at one position, such as a corner, are stacked from the edge on.
@@ -78,21 +96,108 @@ class Annotator:
     def _finish(self, key: str, sketch: Sketch, place: Place) -> Patch:
         """Return the drawing of an entry as a patch: in the entry's colour, with a rim, at its place in the picture."""
         spec, (row, column) = self._entries[key], place
-        rim = 0 if key == "logo" else min(max(self._pen.px(spec.size) // 12, 1), _MAX_RIM_PX)
+        rim = 0 if key == "logo" else min(max(self._pen.px(self._spec.size_of(key)) // 12, 1), _MAX_RIM_PX)
         return Patch(sketch.finish(self._color(spec, row + sketch.height / 2), rim), row - rim, column - rim)
 
-    def _color(self, spec: EntrySpec, row: float) -> Color:
-        """Return the colour of an entry: its own, or black or white, whichever is readable on the background.
+    def name_places(self) -> dict[tuple[Side, int], NamePlace]:
+        """Return the places of the names of labels, by side and rank: in two columns, which are even and centred.
+
+        Raises InputError if names do not fit into a column, or the picture.
+        """
+        if self._spec.names is None:
+            return {}
+        found = dict[tuple[Side, int], NamePlace]()
+        (width, height), px = self._facts.size, self._pen.px(self._name_size)
+        for side, names in zip(_SIDES, self._facts.names, strict=True):
+            lines = [self._pen.font.line(text, px).mask for text, _ in names]
+            if not lines:
+                continue
+            across, down = max(line.shape[1] for line in lines), len(lines[0])
+            pitch = min((height - 2 * self.margin - _CORNERS * height) / len(lines), _PITCH * down)
+            if pitch < down or 3 * (across + self.margin) > width:
+                got = f"{len(lines)} names at the {side}, at most {across} x {down} pixels each"
+                expected = f"a third of the width of {width} pixels, and {1 - _CORNERS:.0%} of the height of {height}"
+                hint = "a smaller size, a larger picture, or fewer labels"
+                raise InputError("do not fit beside the object", got=got, expected=expected, hint=hint)
+            for rank, line in enumerate(lines):
+                row = round(height / 2 + (rank - (len(lines) - 1) / 2) * pitch - down / 2)
+                left, inner = self.margin + across - line.shape[1], self.margin + across + px // 3
+                column = left if side == "left" else width - self.margin - across
+                found[side, rank] = NamePlace(row, column, line, inner if side == "left" else width - inner)
+        return found
+
+    @property
+    def _name_size(self) -> float:
+        own = self._spec.names.size if self._spec.names is not None else None
+        return self._spec.size if own is None else own
+
+    def _name_patches(self, frame: FrameFacts) -> Iterator[Patch]:
+        """Yield the names of labels, each after the line to its label. A name without a visible label is faint."""
+        px, spec = self._pen.px(self._name_size), self._spec.names
+        if spec is None:
+            return
+        rim, half = min(max(px // 12, 1), _MAX_RIM_PX), max(px / 24, 0.6)
+        for key, place in self.name_places().items():
+            middle = place.row + len(place.line) / 2
+            color = self._color(spec, middle)
+            if (anchor := frame.anchors.get(key)) is not None:
+                yield _leader((place.inner, middle), anchor, half).finish_at(color, 1)
+            sketch = Sketch()
+            sketch.draw(place.line, 0, 0)
+            rgba = sketch.finish(color, rim)
+            yield Patch(rgba if anchor is not None else _FAINT * rgba, place.row - rim, place.column - rim)
+
+    def _color(self, spec: EntrySpec | NamesSpec, row: float) -> Color:
+        """Return the colour of an entry: its own, that of all entries, or else a readable one.
+
+        The readable colour is white on a dark background, and black on a light or transparent one.
 
         row: the row of the entry's middle, for a background whose colour changes with height.
         """
-        if spec.color != "auto":
-            return spec.color
+        for color in (spec.color, self._spec.color):
+            if color != "auto":
+                return color
         if self._facts.background is None:
-            return 1.0, 1.0, 1.0
+            return 0.0, 0.0, 0.0
         share = row / self._facts.size[1]
         red, green, blue = (a + share * (b - a) for a, b in zip(*self._facts.background, strict=True))
         return (0.0, 0.0, 0.0) if is_light((red, green, blue)) else (1.0, 1.0, 1.0)
+
+
+class NamePlace(NamedTuple):
+    """The place of a name: its first row and column, its mask, and the column where its line begins."""
+
+    row: int
+    column: int
+    line: UInt8
+    inner: int
+
+
+def _leader(start: tuple[float, float], end: tuple[float, float], half: float) -> PlacedSketch:
+    """Return a line with a dot at its end. start, end: (x, y), in pixels. half: half the line's width, in pixels."""
+    left, top = (math.floor(min(pair) - 6 * half) for pair in zip(start, end, strict=True))
+    (x, y), (end_x, end_y) = ((place[0] - left, place[1] - top) for place in (start, end))
+    length, whole = max(math.hypot(end_x - x, end_y - y), 1.0), Sketch()
+    aside = -half * (end_y - y) / length, half * (end_x - x) / length
+    line = [(x + aside[0], y + aside[1]), (end_x + aside[0], end_y + aside[1])]
+    line += [(end_x - aside[0], end_y - aside[1]), (x - aside[0], y - aside[1])]
+    turns = [math.pi * k / 6 for k in range(12)]
+    dot = [(end_x + 4 * half * math.cos(turn), end_y + 4 * half * math.sin(turn)) for turn in turns]
+    for corners in (line, dot):
+        whole.draw(*polygon(corners))
+    return PlacedSketch(whole, top, left)
+
+
+class PlacedSketch(NamedTuple):
+    """A drawing with the row and the column of its first pixel in the picture."""
+
+    sketch: Sketch
+    row: int
+    column: int
+
+    def finish_at(self, color: Color, rim: int) -> Patch:
+        """Return the drawing as a patch, in a colour and with a rim."""
+        return Patch(self.sketch.finish(color, rim), self.row - rim, self.column - rim)
 
 
 def annotation_problems(spec: AnnotationSpec, facts: AnnotationFacts, frames: Sequence[FrameFacts]) -> list[Problem]:
@@ -109,9 +214,34 @@ def annotation_problems(spec: AnnotationSpec, facts: AnnotationFacts, frames: Se
                 sketches[key] = annotator.sketch(key, frame)
             except InputError as error:
                 found.setdefault(key, _problem(key, error))
+        for lack in _name_problems(annotator, spec, sketches):
+            found.setdefault("names", _problem("names", lack))
         for key, lack in _without_room(annotator, facts, sketches):
-            found.setdefault(key, _problem(key, lack))
+            if key not in found:
+                found[key] = replace(_problem(key, lack), hint=_room_hint(spec, facts, frame, key))
     return list(found.values())
+
+
+def _name_problems(annotator: Annotator, spec: AnnotationSpec, sketches: Mapping[str, Sketch]) -> Iterator[InputError]:
+    """Yield what keeps names from being drawn: no labels, no side, no room, or an entry in their place."""
+    if spec.names is None:
+        return
+    try:
+        names = annotator.name_places()
+    except InputError as error:
+        yield error
+        return
+    if not names and not spec.name_sides:
+        hint = "give one of the entries in the middle of the sides another position"
+        yield InputError("have no side of the picture", hint=hint)
+    elif not names:
+        yield InputError("nothing has a name", expected="labels that some voxels have")
+    for key, (row, column) in annotator.places(sketches).items():
+        bottom, right = row + sketches[key].height, column + sketches[key].width
+        for place in names.values():
+            low, last = place.row + len(place.line), place.column + place.line.shape[1]
+            if row < low and place.row < bottom and column < last and place.column < right:
+                yield InputError(f"cover annotation.{key}", hint="give it a smaller size, or another position")
 
 
 def _problem(key: str, error: InputError) -> Problem:
@@ -124,15 +254,43 @@ def _without_room(
     """Yield the entries that do not fit into the picture, or cover other entries, each with its error."""
     margin, placed = annotator.margin, dict[str, tuple[int, ...]]()
     width, height = (side - 2 * margin for side in facts.size)
-    hint = "give it a smaller size, or another position"
     for key, (row, column) in annotator.places(sketches).items():
         sketch = sketches[key]
         box = row, column, row + sketch.height, column + sketch.width
+        got = f"{sketch.width} x {sketch.height} pixels, in a picture of {facts.size[0]} x {facts.size[1]}"
         if min(row, column) < margin or box[2] > height + margin or box[3] > width + margin:
-            got, room = f"{sketch.width} x {sketch.height} pixels", f"{width} x {height}, with all at its position"
-            yield key, InputError("does not fit into the picture", got=got, expected=room, hint=hint)
+            expected = f"at most {width} x {height} pixels, with all entries at its position"
+            yield key, InputError("does not fit into the picture", got=got, expected=expected)
             continue
         for other, (top, left, bottom, right) in placed.items():
             if row < bottom and top < box[2] and column < right and left < box[3]:
-                yield key, InputError(f"covers annotation.{other}", hint=hint)
+                yield key, InputError(f"covers annotation.{other}", got=got)
         placed[key] = box
+
+
+def _room_hint(spec: AnnotationSpec, facts: AnnotationFacts, frame: FrameFacts, key: str) -> str:
+    """Return a hint for an entry without room on a frame: the size of the entry, or of the picture, that has room."""
+    entry, size, found = spec.entries[key], spec.size_of(key), list[str]()
+    for part in range(9, 1, -1):
+        smaller = round(size * part / 10, 3)
+        changes: dict[str, Any] = {key: replace(entry, size=smaller)}
+        if _has_room(replace(spec, **changes), facts, frame, key):
+            found.append(f"size: {smaller:g} fits")
+            break
+    # Only entries of the least size have more room in a larger picture.
+    has_least = any(spec.size_of(each) * facts.size[1] < _LEAST_PX.get(each, MIN_TEXT_PX) for each in spec.entries)
+    for factor in _LARGER if has_least else ():
+        width, height = (round(factor * side) for side in facts.size)
+        larger = replace(frame, world_per_pixel=frame.world_per_pixel / factor)
+        if _has_room(spec, replace(facts, size=(width, height)), larger, key):
+            found.append(f"it fits into a picture of {width} x {height}")
+            break
+    return "; ".join([*found, "a shorter text, fewer entries or another position may help, too"])
+
+
+def _has_room(spec: AnnotationSpec, facts: AnnotationFacts, frame: FrameFacts, key: str) -> bool:
+    annotator, sketches = Annotator(spec, facts), dict[str, Sketch]()
+    for each in spec.entries:
+        with suppress(InputError):
+            sketches[each] = annotator.sketch(each, frame)
+    return key in sketches and key not in dict(_without_room(annotator, facts, sketches))

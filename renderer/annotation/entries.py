@@ -29,7 +29,7 @@ _MAX_BAR = 0.2
 _SMALL = 0.75
 # The smallest side of the square in which the arrows along the world's axes are drawn, in pixels: letters of
 # MIN_TEXT_PX have room in it.
-_MIN_TRIAD_PX = 52
+MIN_TRIAD_PX = 52
 # The opacity with which a color bar's profile of opacities is drawn, from 0 to 255.
 _PROFILE = 150
 # The file formats of logos, by their names in Pillow.
@@ -109,7 +109,7 @@ def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
 
 def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) -> Sketch:
     """Draw arrows along the world's axes, with letters at their ends; nearer arrows cover farther ones."""
-    side, letter_px, whole = max(px, _MIN_TRIAD_PX), max(px // 6, MIN_TEXT_PX), Sketch()
+    side, letter_px, whole = max(px, MIN_TRIAD_PX), max(px // 6, MIN_TEXT_PX), Sketch()
     reach, half, rim = (side - 2.7 * letter_px) / 2, max(side / 70, 0.6), max(1, letter_px // 8)
     whole.draw(np.zeros((side, side), np.uint8), 0, 0)
     arrows = []

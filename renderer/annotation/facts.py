@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from renderer.scene import Color, Vector
+
+# The side of the picture at which a name is.
+Side = Literal["left", "right"]
+# The end of a line to a label: its column and row, in pixels.
+Anchor = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,7 @@ class AnnotationFacts:
     world_axes: the anatomical directions of the world's axes, such as `LPS`, or empty if they are unknown.
     bars: the color bars of the layers.
     legend: the names of labels or volumes, with their colours.
+    names: the names of labels at the left and at the right side, from top to bottom, with their colours.
     """
 
     size: tuple[int, int]
@@ -49,6 +56,7 @@ class AnnotationFacts:
     world_axes: str = ""
     bars: tuple[ColorBar, ...] = ()
     legend: tuple[tuple[str, Color], ...] = ()
+    names: tuple[tuple[tuple[str, Color], ...], tuple[tuple[str, Color], ...]] = ((), ())
 
 
 @dataclass(frozen=True)
@@ -62,6 +70,7 @@ class FrameFacts:
     accuracy: the accuracy of the frame, in words.
     world_per_pixel: the world length of a pixel's side, at the camera's target.
     axes: the view's right, up and backward directions in the world.
+    anchors: the ends of lines to labels, by the side and the rank of the label's name.
     """
 
     frame: int = 0
@@ -70,7 +79,12 @@ class FrameFacts:
     moving: dict[str, float] = field(default_factory=dict)
     accuracy: str = ""
     world_per_pixel: float = 1.0
+    anchors: dict[tuple[Side, int], Anchor] = field(default_factory=dict)
     axes: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+    def with_accuracy(self, psnr: float | None) -> FrameFacts:
+        """Return these facts with the accuracy of the frame: its PSNR in decibels, None if it was not measured."""
+        return self if psnr is None else replace(self, accuracy=f"frame PSNR {psnr:.1f} dB")
 
     @property
     def numbers(self) -> dict[str, float]:

@@ -57,8 +57,9 @@ def encoder_options(output: OutputFile) -> list[str]:
     rate = [] if crf is None else ["-crf", f"{crf:g}"]
     if codec.has_percent_quality:
         rate = ["-quality", f"{10 * output.quality:g}"]
+    density = ["-dpi", str(round(output.dpi))] if codec.has_dpi and output.dpi else []
     exact = ["-flags:v", "+bitexact", "-fflags", "+bitexact"]
-    return [*filters, "-c:v", codec.encoder, *rate, *codec.options, *exact, *output.format.muxer]
+    return [*filters, "-c:v", codec.encoder, *rate, *codec.options, *density, *exact, *output.format.muxer]
 
 
 def gif_delay_cs(frames_per_second: float) -> int:

@@ -21,10 +21,14 @@ _COMMENTS = (
 )
 
 
-def encode_exr(image: npt.NDArray[np.float32]) -> bytes:
-    """Return an EXR file of `image`, float32 [h, w, 3] or, premultiplied, [h, w, 4]."""
+def encode_exr(image: npt.NDArray[np.float32], dpi: float | None = None) -> bytes:
+    """Return an EXR file of `image`, float32 [h, w, 3] or, premultiplied, [h, w, 4].
+
+    dpi: the resolution that the file states, in pixels per inch.
+    """
     openexr, stream = require_openexr(), io.BytesIO()
     header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage, "comments": _COMMENTS}
+    header |= {"xDensity": float(dpi)} if dpi else {}
     openexr.File(header, {"RGB" if image.shape[2] == 3 else "RGBA": np.ascontiguousarray(image)}).write(stream)
     return stream.getvalue()
 

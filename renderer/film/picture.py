@@ -23,12 +23,20 @@ Pixels = npt.NDArray[Any]
 class Picture:
     """A read-only picture, made from its pixels or from a file: EXR for floats, else PNG.
 
-    Exactly one argument is given. pixels: the pixels, as `quantize` returns them. content: the content of the file.
-    file: the path of the file, which is read on demand.
+    Exactly one of the first three arguments is given. pixels: the pixels, as `quantize` returns them. content: the
+    content of the file. file: the path of the file, which is read on demand. dpi: the resolution that a file made of
+    pixels states, in pixels per inch.
     """
 
-    def __init__(self, pixels: Pixels | None = None, *, content: bytes | None = None, file: Path | None = None) -> None:
-        self._file = file
+    def __init__(
+        self,
+        pixels: Pixels | None = None,
+        *,
+        content: bytes | None = None,
+        file: Path | None = None,
+        dpi: float | None = None,
+    ) -> None:
+        self._file, self._dpi = file, dpi
         if pixels is not None:
             self.__dict__["pixels"] = pixels
         if content is not None:
@@ -47,7 +55,8 @@ class Picture:
     def content(self) -> bytes:
         """Return the picture as the content of a PNG or EXR file. Raises RenderError if its file cannot be read."""
         if self._file is None:
-            return encode_exr(self.pixels) if self.pixels.dtype == np.float32 else encode_png(self.pixels)
+            encode = encode_exr if self.pixels.dtype == np.float32 else encode_png
+            return encode(self.pixels, self._dpi)
         with translate_os_errors(self._file):
             return self._file.read_bytes()
 

@@ -23,6 +23,10 @@ _COLOR_TYPES = {3: 2, 4: 6}
 # PNG's code of the filter Up, which stores each byte as the difference from the byte above it. It suits smooth shading
 # on an even background.
 _FILTER_UP = 2
+# The length of an inch in metres.
+_METRES_PER_INCH = 0.0254
+# PNG's code of the metre, the unit of the pixel density in the chunk pHYs.
+_UNIT_METRE = 1
 # The compression level of zlib, its fastest.
 _LEVEL = 1
 
@@ -35,8 +39,11 @@ _MAX_DEFLATE_RATIO = 258 * 4
 _MAX_CHUNKS = 2**16
 
 
-def encode_png(image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]) -> bytes:
-    """Return a PNG file of `image`, uint8 or uint16 [h, w, 3] or, with straight alpha, [h, w, 4]."""
+def encode_png(image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16], dpi: float | None = None) -> bytes:
+    """Return a PNG file of `image`, uint8 or uint16 [h, w, 3] or, with straight alpha, [h, w, 4].
+
+    dpi: the resolution that the file states, in pixels per inch; PNG stores whole pixels per metre.
+    """
     height, width, channels = image.shape
     rows = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
     filtered = np.empty((height, 1 + rows.shape[1]), np.uint8)
@@ -45,7 +52,9 @@ def encode_png(image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]) -> bytes:
     np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])  # wraps modulo 256, as the standard demands
     header = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, _COLOR_TYPES[channels], 0, 0, 0)
     data = zlib.compress(filtered.tobytes(), _LEVEL)
-    return join_png_chunks([(b"IHDR", header), (b"IDAT", data), (b"IEND", b"")])
+    per_metre = round((dpi or 0) / _METRES_PER_INCH)
+    density = [(b"pHYs", struct.pack(">IIB", per_metre, per_metre, _UNIT_METRE))] if dpi else []
+    return join_png_chunks([(b"IHDR", header), *density, (b"IDAT", data), (b"IEND", b"")])
 
 
 def decode_png(png: bytes) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:

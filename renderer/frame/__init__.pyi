@@ -6,12 +6,14 @@ from .budget import (
     calibrate_costs as calibrate_costs,
     find_finest_in_time as find_finest_in_time,
 )
-from .frame import Frame as Frame, draw_frame as draw_frame, make_draw_list as make_draw_list
-from .pipeline import (
-    framing_note as framing_note,
-    prepare_stage as prepare_stage,
-    render_frames as render_frames,
+from .camera_framing import framing_note as framing_note
+from .film_annotation import (
+    FilmAnnotation as FilmAnnotation,
+    annotation_notes as annotation_notes,
+    require_annotation as require_annotation,
 )
+from .frame import Frame as Frame, draw_frame as draw_frame, make_draw_list as make_draw_list
+from .pipeline import prepare_stage as prepare_stage, render_frames as render_frames
 from .preparation import (
     FilmVolumes as FilmVolumes,
     StageMaker as StageMaker,

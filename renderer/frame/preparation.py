@@ -36,7 +36,6 @@ from renderer.scene import (
     MaskSpec,
     OverFrames,
     Scene,
-    Vector,
     VolumeSpec,
     camera_problems,
     min_tolerance,
@@ -89,7 +88,9 @@ class StageMaker:
         if not isinstance(target, tuple):
             target = visible_centre(points_in_frame(scene, layers)[0]) if scene.camera.follow else film.target
         stops = None if film.groups[0].light is None else film.groups[0].light.stops
-        return self.stage_of(scene, layers, target, scene.camera.distance or film.distance, stops=stops)
+        distance, shift = scene.camera.distance or film.distance, scene.camera.shift or film.shift
+        camera = replace(scene.camera, target=target, distance=distance, shift=shift)
+        return self.stage_of(scene, layers, camera, stops=stops)
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]:
         """Return the volume of each layer of a scene, read once if volumes are equal.
@@ -170,17 +171,18 @@ class StageMaker:
         self,
         scene: Scene,
         layers: tuple[Layer, ...],
-        target: Vector,
-        distance: float,
+        camera: CameraSpec,
         *,
         stops: float | None = None,
         lap: Callable[[str], object] = lambda _: None,
     ) -> Stage:
         """Return the stage of a scene at a frame. Parts that equal parts of the last stage are taken from it.
 
+        camera: the camera of the scene, with a target, a distance and a shift.
         stops: the exposure of the film's first frame; None if this is the first frame. lap: as in `layers_of`.
         """
-        camera, last = replace(scene.camera, target=target, distance=distance), self.last
+        last, target, distance, shift = self.last, camera.target, camera.distance, camera.shift
+        assert isinstance(target, tuple) and distance is not None and shift is not None
         for layer in layers:
             raise_problems(camera_problems(camera, scene.output.size, volume_extent(layer.volume)))
         light = light_of_layers(layers, scene, num_threads=self.num_threads, last=self.light, stops=stops)
@@ -199,7 +201,7 @@ class StageMaker:
             order_blending = last.order_blending
         else:
             order_blending = make_order_blending(placed, camera.path, (target, distance))
-        self.last = Stage(scene, layers, target, distance, groups, resolutions, order_blending, {})
+        self.last = Stage(scene, layers, target, distance, groups, resolutions, order_blending, {}, shift=shift)
         return self.last
 
 

@@ -53,6 +53,7 @@ class FilmStage:
     seconds: the time that each step of the preparation took. maker: the maker of the stages of frames; None if nothing
         moves.
     not_framed: the share of a picture that is added by cells which need not be in frame; 0 if all must be.
+    shift: the place of the target in the picture, as in `CameraSpec`.
     """
 
     scene: FilmScene
@@ -65,6 +66,7 @@ class FilmStage:
     seconds: dict[str, float]
     maker: FrameStageMaker | None = None
     not_framed: float = 0.0
+    shift: tuple[float, float] = (0.0, 0.0)
 
     def at(self, frame: int) -> Stage:
         """Return the stage of a frame, with plain values in its scene. Stages of other frames stay usable."""
@@ -75,7 +77,7 @@ class FilmStage:
     def first(self) -> Stage:
         """Return the stage of the first frame, with the layers of this stage."""
         made = self.layers, self.target, self.distance, self.groups, self.resolutions, self.order_blending
-        return Stage(self.scene.at(0), *made, self.seconds)
+        return Stage(self.scene.at(0), *made, self.seconds, shift=self.shift)
 
     def __enter__(self: AnyStage) -> AnyStage:
         return self
@@ -159,8 +161,8 @@ class Stage(FilmStage):
 
     @property
     def camera(self) -> CameraSpec:
-        """Return the scene's camera, with the target and the distance of this stage in place of those left open."""
-        return replace(self.scene.camera, target=self.target, distance=self.distance)
+        """Return the scene's camera, with the target, distance and shift of this stage in place of those left open."""
+        return replace(self.scene.camera, target=self.target, distance=self.distance, shift=self.shift)
 
 
 class Stopwatch:
@@ -181,7 +183,7 @@ class Stopwatch:
 def view_of(film: FilmStage, frame: int) -> View:
     """Return the view of a frame of the film."""
     stage = film.at(frame)
-    view = make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
+    view = make_view(stage.camera, frame, stage.target, stage.distance, stage.scene.output.size)
     return replace(view, clip=stage.scene.clip, fog=_fog_of(stage.scene))
 
 

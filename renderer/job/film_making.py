@@ -14,10 +14,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from renderer.accuracy import NOTHING, Glance, look_ahead
-from renderer.annotation import annotation_notes, require_annotation
 from renderer.errors import RenderError
 from renderer.film import film_notes, require_encoder
-from renderer.frame import FilmStage, FilmVolumes, LODCostEstimator, framing_note, prepare_stage, read_film_volumes
+from renderer.frame import (
+    FilmStage,
+    FilmVolumes,
+    LODCostEstimator,
+    annotation_notes,
+    framing_note,
+    prepare_stage,
+    read_film_volumes,
+    require_annotation,
+)
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor, LocalExecutor

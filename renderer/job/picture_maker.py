@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from renderer.annotation import FilmAnnotation
 from renderer.film import Picture, quantize, reduce_radiance
-from renderer.frame import FilmStage, Frame
+from renderer.frame import FilmAnnotation, FilmStage, Frame
 
 
 class PictureMaker:
@@ -23,16 +22,17 @@ class PictureMaker:
         radiance, found = frame.radiance_with_lines(), dict[int, Picture]()
         for number in self._output.kinds_at(frame.number):
             if number == 0 and not spec.shows_anything:
-                found[0] = Picture(frame.image)
+                found[0] = Picture(frame.image, dpi=kinds[0].dpi)
                 continue
             kind = kinds[number].at(frame.number)
             image = reduce_radiance(radiance, self._output.size[0] // kind.size[0])
-            if spec.entries:
+            if spec.has_patches:
                 image = image.copy() if image is frame.radiance else image
                 self._annotation.draw(image, kind, frame.stage, frame.number, psnr)
             found[number] = Picture(
                 quantize(
                     image, kind.background_at(frame.number), kind.depth, is_linear=frame.stage.scene.light is not None
-                )
+                ),
+                dpi=kind.dpi,
             )
         return found

@@ -626,13 +626,13 @@ class RaySetup(NamedTuple):
     # [3, 3]: the matrix from (1, x, y) to directions of rays, in index units per model unit (half the largest volume's
     # diagonal): per unit of depth in perspective, and of length otherwise.
     directions: NDArray[np.float64]
-    # The slope of a ray per pixel of distance from the image's centre: at (x, y), a ray's length per unit of depth is
+    # The slope of a ray per pixel of distance from the optical axis: at (x, y), a ray's length per unit of depth is
     # `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     slope_per_px: float
     # The distance from the origin at which rays start, on the near plane, in model units (half the largest volume's
     # diagonal) along the direction.
     start: float
-    # The position (x, y) of the image's centre, in pixels.
+    # The position (x, y) of the optical axis in the image, in pixels.
     center_px: NDArray[np.float64]
     # The region that clipping leaves; None if the view clips nothing.
     clip: ClipRegion | None
@@ -652,6 +652,8 @@ class ModelView(NamedTuple):
     scale_px: float
     # The image's width and height, in pixels.
     size: tuple[int, int]
+    # The position (x, y) of the optical axis in the image, in pixels.
+    center_px: NDArray[np.float64]
     # The depth of the near plane, in model units (half the volume's diagonal); nothing nearer to the eye is drawn.
     near: float
     # The largest slopes |x| / depth and |y| / depth, across and down the image. The footprint of a splat with a larger

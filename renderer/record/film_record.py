@@ -152,10 +152,15 @@ class VolumeRecord:
 
 @dataclass(frozen=True)
 class CameraRecord:
-    """A record of the camera's target and distance."""
+    """A record of the camera's target, its distance, and its place in the picture."""
 
     target: Annotated[tuple[float, ...], types.VECTOR, "The position in the world that the camera looks at."]
     distance: Annotated[float, types.AMOUNT, "The distance from the eye to the target, in units of the world."]
+    shift: Annotated[
+        tuple[float, ...] | None,
+        types.PAIR,
+        "How far the target is right of and above the middle of the picture, in shares of its sides; left out if 0.",
+    ] = None
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from renderer.scene import (
 
 # The keys of the scene's section `output` on which frames depend. Its other keys are about the encoding and the name
 # of the film.
-_DRAWN_KEYS = ("size", "background")
+_DRAWN_KEYS = ("size", "background", "dpi")
 _NOT_ENCODED = ("file",)
 
 
@@ -41,10 +41,13 @@ def film_fingerprint(scene: FilmScene, requested: ErrorSpec, volume_fingerprint:
     tree = with_files(tree, lambda _, name: Path(name).name)  # files of fonts and logos may be moved
     left_out = {*schedule_to_dict(scene.error), "probes"}
     rest = {key: value for key, value in tree["error"].items() if key not in left_out}
-    output = {key: first_output(tree)[key] for key in _DRAWN_KEYS}
+    first_file = first_output(tree)
+    output = {key: first_file[key] for key in _DRAWN_KEYS if key in first_file}
     shown: dict[str, Any] = {}
     first = scene.at(0)
-    if first.annotation.entries:
+    if first.annotation.has_patches:
+        # The object is framed beside the annotation of all files, whose texts have a smallest size.
+        shown |= {"sizes": [list(each.size) for each in scene.output.others]} if scene.output.others else {}
         shown |= {"units": [layer.volume.unit for layer in first.layers]}
         shown |= {"files of annotation": [file_digest(file) for file in first.annotation.files]}
     depends_on = {

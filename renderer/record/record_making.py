@@ -79,7 +79,9 @@ def make_film_record(
         scene=scene_to_dict(scene),
         volume=volumes[0],
         volumes=tuple(volumes) if len(volumes) > 1 else (),
-        camera=CameraRecord(tuple(map(float, stage.target)), float(stage.distance)),
+        camera=CameraRecord(
+            tuple(map(float, stage.target)), float(stage.distance), stage.shift if any(stage.shift) else None
+        ),
         pyramid=PyramidRecord(
             max(each.num_levels for each in pyramids), sum(int(each.num_bytes) for each in pyramids), min(levels)
         ),

@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, spread_evenly, squared_error
-from renderer.annotation import FilmAnnotation
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path
-from renderer.frame import FilmStage
+from renderer.frame import FilmAnnotation, FilmStage
 from renderer.record.accuracy_records import film_accuracy, frame_accuracy
 from renderer.record.film_record import FilmAccuracy, FrameAccuracy, FrameRecord
 from renderer.scene import OutputFile

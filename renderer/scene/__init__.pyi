@@ -4,6 +4,7 @@ from .annotation_section import (
     ColorBarSpec as ColorBarSpec,
     EntrySpec as EntrySpec,
     LogoSpec as LogoSpec,
+    NamesSpec as NamesSpec,
     TimeSpec as TimeSpec,
     TitleSpec as TitleSpec,
     fill_format as fill_format,

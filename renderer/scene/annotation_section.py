@@ -68,16 +68,21 @@ class EntrySpec:
     """An entry of the annotation: a text, a bar or a picture that is drawn over finished pictures.
 
     position: the place in the picture. Entries at one position stack in the order of the keys, away from the edge.
-    size: the height of the text, or of the whole logo or orientation, as a share of the picture's height.
-    color: `auto` is white on a dark background and black on a light one.
+    size: the height of the text, or of the whole logo or orientation, as a share of the picture's height; None is the
+        size of the annotation's texts.
+    color: `auto` is the color of the annotation.
     """
 
     position: Annotated[Position, KeyText("The place along the edges of the picture.")]
     size: Annotated[
-        float, _SIZE, KeyText("The height of the text, or of the whole entry, as a share of the picture's.")
-    ]
+        float | None,
+        _SIZE,
+        KeyText(
+            "The height of the text, or of the whole entry, as a share of the picture's.", "that of all texts", "0.03"
+        ),
+    ] = None
     color: Annotated[
-        Color | Literal["auto"], _COLOR, KeyText("The color; `auto`: white on a dark background, else black.")
+        Color | Literal["auto"], _COLOR, KeyText("The color of the entry; `auto`: that of all entries.")
     ] = "auto"
 
 
@@ -136,16 +141,49 @@ class LogoSpec(EntrySpec):
     ]
 
 
-def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None = None) -> schema.FieldType[Any]:
+@dataclass(frozen=True, kw_only=True)
+class NamesSpec:
+    """The names of labels at the sides of the picture, with lines to their labels.
+
+    size, color: as of an entry.
+    """
+
+    size: Annotated[
+        float | None, _SIZE, KeyText("The height of names, as a share of the picture's.", "that of all texts", "0.03")
+    ] = None
+    color: Annotated[Color | Literal["auto"], _COLOR, KeyText("The color of names; `auto`: that of all entries.")] = (
+        "auto"
+    )
+
+
+def _parse_names(node: TreeNode) -> Any:
+    if isinstance(node.value, bool):
+        return NamesSpec() if node.value else None
+    return _NAMES_SECTION.parser(node) if isinstance(node.value, Mapping) else node.reject("neither true nor a mapping")
+
+
+_NAMES_SECTION = schema.dataclass_field(NamesSpec)
+_NAMES = schema.FieldType[Any](
+    "true, or a mapping",
+    _parse_names,
+    table=_NAMES_SECTION.table,
+    plain_schema=schema.either(_NAMES_SECTION, schema.BOOLEAN_FIELD),
+    example="true",
+)
+
+
+def _entry(cls: Any, position: Position, size: float | None = None, short: str | None = None) -> schema.FieldType[Any]:
     """Return the field type of an entry of class `cls`.
 
     A scene gives the entry as a mapping, as the value of its key `short` alone or, if no key is required, as true.
     position, size: the default values of these keys.
     """
     defaults: dict[str, Any] = {"position": position, "size": size}
-    table = {
-        key: replace(field, default=defaults.get(key, field.default)) for key, field in schema.field_table(cls).items()
-    }
+    table = schema.field_table(cls)
+    for key, value in defaults.items():
+        text = table[key].text
+        if value is not None and text is not None:
+            table[key] = replace(table[key], default=value, text=replace(text, default=""))
     required = [key for key in schema.required_keys(cls) if key not in defaults]
     section = schema.section_field(table, lambda _, given: cls(**defaults | given), required=required)
 
@@ -176,6 +214,11 @@ class AnnotationSpec:
 
     bounds: whether to draw lines around the volume, with ticks. octree: whether to draw the edges of cells.
     font: the file of the font of all texts; None is DejaVu Sans.
+    layout: `beside` frames the object into the room that entries leave; `over` puts entries over the picture.
+    color: the color of entries whose own color is `auto`. `auto` is white on a dark background, and black on a light or
+        transparent one.
+    names: the names of labels beside the object, with lines to them; None for none.
+    size: the height of texts whose entries have no size of their own, as a share of the picture's height.
     """
 
     title: Annotated[TitleSpec | None, _entry(TitleSpec, "top", short="text"), KeyText("A line of text.", "none")] = (
@@ -216,16 +259,52 @@ class AnnotationSpec:
         KeyText("The file of the font of all texts.", "DejaVu Sans", "NotoSansCJK-Regular.otf"),
     ] = None
 
+    layout: Annotated[
+        Literal["beside", "over"],
+        KeyText("`beside`: the object is framed into the room that entries leave. `over`: entries are over it."),
+    ] = "beside"
+    color: Annotated[
+        Color | Literal["auto"],
+        _COLOR,
+        KeyText("The color of all entries; `auto`: dark where the background is light or transparent, else light."),
+    ] = "auto"
+    size: Annotated[float, _SIZE, KeyText("The height of all texts, as a share of the picture's.")] = 0.03
+    names: Annotated[
+        NamesSpec | None, _NAMES, KeyText("The names of labels beside the object, with lines to them.", "none")
+    ] = None
+
+    def written(self) -> object:
+        """Return the section as a scene file has it: its keys. Defaults of keys that all entries share are left out."""
+        defaults = {"layout": "beside", "color": "auto", "size": 0.03}
+        return {key: value for key, value in vars(self).items() if defaults.get(key) != value}
+
     @property
     def entries(self) -> dict[str, EntrySpec]:
         """Return the entries that have a position, by key."""
         values = ((each.name, getattr(self, each.name)) for each in fields(self))
         return {key: value for key, value in values if isinstance(value, EntrySpec)}
 
+    def size_of(self, key: str) -> float:
+        """Return the size of an entry: its own, or the size of all texts. key: the key of the entry."""
+        size = self.entries[key].size
+        return self.size if size is None else size
+
     @property
     def shows_anything(self) -> bool:
         """Return whether the annotation draws anything."""
-        return bool(self.entries) or self.bounds or self.octree
+        return self.has_patches or self.bounds or self.octree
+
+    @property
+    def has_patches(self) -> bool:
+        """Return whether the annotation draws anything but lines in the volume."""
+        return bool(self.entries) or self.names is not None
+
+    @property
+    def name_sides(self) -> tuple[Literal["left", "right"], ...]:
+        """Return the sides of the picture where names have room, as no entry is in the middle of the side."""
+        taken = {entry.position for entry in self.entries.values()}
+        sides: tuple[Literal["left", "right"], ...] = ("left", "right")
+        return tuple(side for side in sides if side not in taken)
 
     @property
     def files(self) -> list[Path]:

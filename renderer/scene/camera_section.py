@@ -342,6 +342,10 @@ _PATH = schema.FieldType(
 
 _TARGET = schema.word_or({"visible": "visible"}, schema.POINT_FIELD, f"{schema.POINT_FIELD.expected}, or visible")
 
+_SHIFT = schema.sequence_field(
+    schema.number_field(minimum=-0.5, maximum=0.5, motion=None), "[right, up]: two numbers from -0.5 to 0.5", count=2
+)
+
 
 @dataclass(frozen=True)
 class CameraSpec:
@@ -353,6 +357,9 @@ class CameraSpec:
     field_of_view: the vertical angle of view, in degrees. An orthographic camera shows as much as a perspective one
         does at the target: `2 distance tan(field_of_view / 2)` world units of height.
     near: nothing is drawn that is closer than this to the plane through the eye at right angles to the view.
+    shift: how far the target is from the middle of the picture, to the right and up, as shares of its width and height.
+        The view does not turn. None is the middle of the room that `annotation` leaves if `distance` is None, too; else
+        it is the middle of the picture.
     follow: see `target`. loop: with `ping-pong`, the camera goes along its path and back again.
     """
 
@@ -389,6 +396,15 @@ class CameraSpec:
         schema.number_field(minimum=0, maximum=schema.MAX_WORLD_LENGTH),
         KeyText("Nothing nearer to the plane of the eye than this is drawn, in world units."),
     ] = 0.0
+    shift: Annotated[
+        tuple[float, float] | None,
+        _SHIFT,
+        KeyText(
+            "How far the target is to the right and up of the picture's middle, as shares of its width and height.",
+            "the middle of the room that `annotation` leaves, or of the picture where `distance` is given",
+            "[0.1, 0]",
+        ),
+    ] = None
     follow: Annotated[
         bool,
         KeyText("With `target: visible`: whether the target is the centre of each frame, and not of the whole film."),

@@ -35,6 +35,7 @@ class Codec:
     marks: texts, one of which is in the first bytes of each film of this encoder.
     decoder: the decoder of its films, if that is not ffmpeg's default.
     has_percent_quality: whether its scale of quality ends at 100, and not at 10.
+    has_dpi: whether its films state a resolution in pixels per inch.
     merges_frames: whether equal consecutive pictures become one picture that is shown for longer.
     full_chroma_players: the programs that play its films with chroma of full resolution, and others that do not.
     """
@@ -49,6 +50,7 @@ class Codec:
     decoder: str | None = None
     has_percent_quality: bool = False
     merges_frames: bool = False
+    has_dpi: bool = False
     full_chroma_players: str = ""
 
 
@@ -84,7 +86,7 @@ _WEBP = Codec(
     "libwebp_anim", ("yuv420p",), (42.0, 1.0), with_alpha=("yuva420p",), has_percent_quality=True, merges_frames=True
 )
 _LOSSLESS_WEBP = Codec("libwebp_anim", ("bgra",), (100.0, 0.0), ("-lossless", "1"), ("bgra",), merges_frames=True)
-_APNG = Codec("apng", ("rgb24",), (100.0, 0.0), with_alpha=("rgba",))
+_APNG = Codec("apng", ("rgb24",), (100.0, 0.0), with_alpha=("rgba",), has_dpi=True)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,14 @@ FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 MAX_SIDE = 16384
 # The keys of an output that choose and set its encoder. An output of another format cannot take them over.
 _ENCODER_KEYS = ("codec", "crf", "pixel_format")
+# The smallest and largest resolution of a printed picture, in pixels per inch.
+_MIN_DPI, _MAX_DPI = 1, 10000
+# The units of printed lengths, in inches.
+_INCHES = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "pt": 1 / 72}
+# A printed length, such as `85 mm`: at most nine digits before the point and after it.
+_LENGTH = re.compile(r"([0-9]{1,9}(?:\.[0-9]{1,9})?) ?(mm|cm|in|pt)")
+# The height of a printed picture without a height of its own, as a share of its width.
+_PAPER_RATIO = 0.75
 # The best quality.
 MAX_QUALITY = 10.0
 # The coarsest constant rate factor of any encoder.
@@ -82,10 +90,65 @@ def _written_background(background: Background) -> Any:
 
 
 OUTPUT_FILE_FIELD = schema.FieldType(_FILE_WORDS, _parse_file, plain_schema=schema.of_json_type("string"))
-_SIZE = schema.sequence_field(
+_PIXELS = schema.sequence_field(
     schema.integer_field(minimum=1, maximum=MAX_SIDE),
-    f"[width, height]: two whole numbers from 1 to {MAX_SIDE}",
+    f"[width, height]: two whole numbers from 1 to {MAX_SIDE}, or {{width: 85 mm, dpi: 300}}",
     count=2,
+)
+_DPI = schema.number_field(minimum=_MIN_DPI, maximum=_MAX_DPI, motion=None)
+
+
+class PaperSize(NamedTuple):
+    """The size of a printed picture: its width and height in inches, and its resolution in pixels per inch.
+
+    height: None for three quarters of the width. dpi: None for that of the output.
+    """
+
+    width: float
+    height: float | None = None
+    dpi: float | None = None
+
+    def pixels(self, dpi: float) -> tuple[int, int]:
+        """Return the size in pixels, at a resolution."""
+        height = _PAPER_RATIO * self.width if self.height is None else self.height
+        return round(self.width * dpi), round(height * dpi)
+
+
+def _parse_length(node: TreeNode) -> Any:
+    found = _LENGTH.fullmatch(node.value) if isinstance(node.value, str) else None
+    if found is None:
+        return node.reject("not a length with its unit")
+    return float(found[1]) * _INCHES[found[2]]
+
+
+_PRINTED = schema.FieldType[Any](
+    "a length such as 85 mm, 8.5 cm, 3.35 in or 240 pt",
+    _parse_length,
+    plain_schema=lambda _moves: {"type": "string", "pattern": f"^{_LENGTH.pattern}$"},
+)
+_PAPER: schema.FieldTable = {
+    "width": replace(
+        schema.described(_PRINTED, "The width in print, with its unit: mm, cm, in or pt.", example="85 mm"),
+        is_needed=True,
+    ),
+    "height": schema.described(
+        _PRINTED, "The height in print, with its unit.", words="three quarters of the width", example="64 mm"
+    ),
+    "dpi": schema.described(_DPI, "The pixels per inch.", words="the output's dpi", example="300"),
+}
+
+
+def _parse_size(node: TreeNode) -> Any:
+    if not isinstance(node.value, Mapping) or not any(str(key).isalpha() for key in node.value):
+        return _PIXELS.parser(node)  # also of a map from frames, as a size cannot move
+    given = schema.read_fields(node, _PAPER, required=["width"])
+    return INVALID if INVALID in given.values() else PaperSize(**given)
+
+
+_SIZE = replace(
+    _PIXELS,
+    parser=_parse_size,
+    plain_schema=lambda moves: schema.any_of(_PIXELS.plain_schema(moves), schema.mapping_schema(_PAPER, moves=moves)),
 )
 _BACKGROUND_WORDS = f"{COLOR_FIELD.expected}, transparent, or {{top, bottom}} with two colors"
 _COLOR_OR_NONE = schema.word_or({"transparent": None}, COLOR_FIELD, _BACKGROUND_WORDS)
@@ -106,11 +169,13 @@ class PictureKind(NamedTuple):
     """A kind of pictures, from which output files are made: their size, background and bit depth.
 
     size: (width, height). depth: the bits of a channel, 8 or 16 for whole numbers, 32 for floats.
+    dpi: the resolution that files state, in pixels per inch; None if they state none.
     """
 
     size: tuple[int, int]
     background: Background | Motion[Background]
     depth: int
+    dpi: float | None = None
 
     def at(self, frame: int) -> PictureKind:
         """Return this kind of pictures with its background at a frame."""
@@ -145,6 +210,7 @@ class OutputFile:
         them to the format and the quality.
     every: the output shows only frames whose numbers are multiples of `every`.
     frame: the only frame that the output shows; None for all frames.
+    dpi: the resolution of the printed picture, in pixels per inch, which PNG, APNG and EXR files state.
     """
 
     file: Annotated[
@@ -152,7 +218,9 @@ class OutputFile:
         OUTPUT_FILE_FIELD,
         KeyText("The file, whose suffix is the format; relative to the current folder.", example="scan.mp4"),
     ]
-    size: Annotated[tuple[int, int], _SIZE, KeyText("The width and the height of the pictures, in pixels.")] = (
+    size: Annotated[
+        tuple[int, int], _SIZE, KeyText("Width and height in pixels; or in print, such as {width: 85 mm, dpi: 300}.")
+    ] = (
         512,
         512,
     )
@@ -189,6 +257,11 @@ class OutputFile:
     ] = 1
     frame: Annotated[
         int | None, _FRAME, KeyText("Of a further file in a list: the only frame that it shows.", "all frames", "30")
+    ] = None
+    dpi: Annotated[
+        float | None,
+        _DPI,
+        KeyText("The pixels per inch that PNG, APNG and EXR files state.", "none is stated", "300"),
     ] = None
 
     @property
@@ -242,7 +315,7 @@ class OutputFile:
         """Return the kind of pictures from which the output is made."""
         pixel_format = self.chosen_pixel_format
         depth = 32 if pixel_format == "float" else 16 if pixel_format.endswith(("10", "48")) else 8
-        return PictureKind(self.size, self.background, depth)
+        return PictureKind(self.size, self.background, depth, self.dpi)
 
     def written(self) -> object:
         """Return the section as a scene file has it: its keys with their values."""
@@ -293,7 +366,9 @@ class OutputSpec(OutputFile):
 
 
 def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
-    """Refuse values that the format of a file does not allow."""
+    """Turn a printed size into pixels, and refuse values that the format of a file does not allow."""
+    if isinstance(given.get("size"), PaperSize):
+        given["dpi"], given["size"] = _in_pixels(node.child("size"), given["size"], given.get("dpi"))
     if not isinstance(given["file"], Path):
         return
     file_format, rate = format_of(given["file"]), given.get("frames_per_second", INVALID)
@@ -308,6 +383,26 @@ def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
     elif name is not INVALID:
         what, known = f"not an encoder of {output_suffix(given['file'])}", tuple(file_format.codecs)
         node.child("codec", name).reject(what, expected=join_words(known), hint=did_you_mean(name, known))
+
+
+def _in_pixels(node: TreeNode, size: PaperSize, own: Any) -> tuple[Any, Any]:
+    """Return the resolution and the size in pixels of a printed picture; INVALID if it has none.
+
+    node: the node of the size. own: the key `dpi` of the output, None without one.
+    """
+    dpi = own if size.dpi is None else size.dpi
+    if dpi is None:
+        node.child("dpi").reject("missing", got="", expected=_DPI.expected, hint="300 for most journals")
+    elif own not in (None, INVALID, dpi):
+        node.child("dpi", size.dpi).reject("contradicts output.dpi", expected="one of them")
+    elif dpi is not INVALID:
+        pixels = size.pixels(dpi)
+        if all(1 <= side <= MAX_SIDE for side in pixels):
+            return dpi, pixels
+        node.reject(
+            "out of range", got=f"{pixels[0]} x {pixels[1]} pixels", expected=f"1 to {MAX_SIDE} along each side"
+        )
+    return dpi, INVALID
 
 
 def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputFormat) -> None:
@@ -338,7 +433,7 @@ def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputForm
 
 _FILE = schema.dataclass_field(OutputFile, _check_file)
 # The keys that further outputs take from the first one, unless they have their own.
-_SHARED_KEYS = ("size", "background")
+_SHARED_KEYS = ("size", "dpi", "background")
 
 
 def _parse_output(node: TreeNode) -> Any:
@@ -359,7 +454,11 @@ def _parse_output(node: TreeNode) -> Any:
     files = [] if wrong else [(node, first)]
     for each in others:
         before = len(node.problems)
-        other = _FILE.read(replace(each, value={**shared, **each.value}) if isinstance(each.value, Mapping) else each)
+        if isinstance(each.value, Mapping):
+            own = {key: value for key, value in shared.items() if key != "dpi" or "size" not in each.value}
+            other = _FILE.read(replace(each, value={**own, **each.value}))
+        else:
+            other = _FILE.read(each)
         if len(node.problems) == before:
             files.append((each, other if wrong else _beside(first, other, each)))
     _check_names(files)
@@ -370,10 +469,10 @@ def _parse_output(node: TreeNode) -> Any:
 
 
 def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
-    """Return an output after the first one with its frame rate; refuse a size that does not divide the first one's.
+    """Return an output after the first one with its frame rate and its printed size.
 
-    Unless the rate is given, the film of every n-th frame has an n-th of the first output's rate, so that both films
-    take equally long.
+    A size that does not divide the first one's is refused. Unless the rate is given, the film of every n-th frame has
+    an n-th of the first output's rate, so that both films take equally long.
     """
     factor = first.size[0] // other.size[0]
     if factor < 1 or tuple(factor * side for side in other.size) != first.size:
@@ -383,6 +482,8 @@ def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
             expected=f"{format_value(list(first.size))}, or both divided by one whole number",
             hint=f"such as {', '.join(map(format_value, smaller))}",
         )
+    if other.dpi is None and first.dpi is not None:
+        other = replace(other, dpi=first.dpi * other.size[0] / first.size[0])
     if isinstance(node.value, Mapping) and "frames_per_second" in node.value:
         return other
     slower = first.frames_per_second / other.every

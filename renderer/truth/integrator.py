@@ -259,11 +259,10 @@ def rays_through(point_world: Float64, view: View, places: Float64) -> tuple[Flo
     the length along each ray from its origin to the plane at depth `view.near`, float64 [n]: below 0 if this plane
     comes before the origin.
     """
-    width, height = view.size
-    point = view.view_from_world(point_world)
+    (column, row), point = view.center_px, view.view_from_world(point_world)
     depth = max(0.0, -point[2])
-    x = (places[:, 0] - width / 2) / view.scale_px
-    y = (height / 2 - places[:, 1]) / view.scale_px
+    x = (places[:, 0] - column) / view.scale_px
+    y = (row - places[:, 1]) / view.scale_px
     if view.projection == "orthographic":
         origins = np.stack([x, y, np.full_like(x, -depth)], axis=1) - point
         return origins @ view.axes, np.broadcast_to(view.forward, origins.shape), np.full(x.shape, view.near - depth)

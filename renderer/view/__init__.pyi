@@ -11,6 +11,8 @@ from .clip_slabs import (
     place_object_clips as place_object_clips,
 )
 from .framing import (
+    WHOLE_PICTURE as WHOLE_PICTURE,
+    Room as Room,
     corners_around as corners_around,
     finest_useful_level as finest_useful_level,
     fit_distance as fit_distance,
@@ -23,7 +25,11 @@ from .framing import (
 )
 from .key_light import with_key_of_camera as with_key_of_camera
 from .order_blending import OrderBlending as OrderBlending, make_order_blending as make_order_blending
-from .paths import make_view as make_view, rotation_from_z_to as rotation_from_z_to
+from .paths import (
+    camera_poses as camera_poses,
+    make_view as make_view,
+    rotation_from_z_to as rotation_from_z_to,
+)
 from .splat_projection import (
     CLIPPED_SIGMAS as CLIPPED_SIGMAS,
     CULLED_SIGMAS as CULLED_SIGMAS,
@@ -44,4 +50,3 @@ from .depth_order import box_order as box_order, order_by_depth as order_by_dept
 from .order_blending import (
     sort_directions as sort_directions,
 )
-from .paths import camera_poses as camera_poses

@@ -48,7 +48,7 @@ def ray_setup(
         index_from_view @ np.hstack([forward, slope * columns_and_rows]),
         float(slope),
         float(view.near / length - depth),
-        np.array(view.size) / 2,
+        view.center_px,
         place_clips(volume, view.clip + clip, view),
     )
 

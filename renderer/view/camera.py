@@ -33,12 +33,14 @@ class View:
     projection: perspective or orthographic.
     scale_px: the focal length in pixels (perspective), or pixels per world unit (orthographic).
     size: (width, height) of the image, in pixels; row 0 is the top.
+    shift: how far the target is from the middle of the image: to the right as a share of the image's width, and up as a
+        share of its height. The view does not turn; its frustum is off-centre.
     near: world distance from the eye plane within which nothing is drawn, >= 0.
     clip: the clip planes and boxes of the scene.
     fog: the fog of the scene; None without fog.
 
-    A view-space point (x, y, z) projects to column `width / 2 + scale_px * x / w` and row `height / 2 - scale_px * y /
-    w`, in pixels from the top left corner of the image, with w = -z in perspective and 1 otherwise.
+    A view-space point (x, y, z) projects to the column `center_px[0] + scale_px * x / w` and the row `center_px[1] -
+    scale_px * y / w`, in pixels from the top left corner of the image, with w = -z in perspective and 1 otherwise.
 
     Target and distance are separate because their sum would be rounded: far from the world's origin, or from the
     volume, an eye in world coordinates has few digits, while the offset of a volume from the target beside it is exact.
@@ -51,6 +53,7 @@ class View:
     scale_px: float
     size: tuple[int, int]
     near: float = 0.0
+    shift: tuple[float, float] = (0.0, 0.0)
     clip: tuple[ClipSpec, ...] = ()
     fog: Fog | None = None
 
@@ -75,6 +78,11 @@ class View:
         per_length = 1.0 / (fog.end - fog.begin)
         at_origin = ((origin - self.target) @ self.forward - fog.begin) * per_length
         return np.asarray(at_origin), np.asarray(directions @ self.forward * per_length)
+
+    @property
+    def center_px(self) -> Float64:
+        """Return the position (x, y) of the optical axis in the image, in pixels from the top left corner."""
+        return np.array(self.size) * (0.5 + self.shift[0], 0.5 - self.shift[1])
 
     @property
     def eye(self) -> Float64:

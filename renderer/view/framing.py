@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,8 +36,36 @@ _MAX_PRODUCTS = 2_000_000
 _MAX_RUN = 1024
 
 
+class Room(NamedTuple):
+    """A rectangle of a picture: its sides, as shares of the picture's width and height from the top left corner."""
+
+    left: float = 0.0
+    top: float = 0.0
+    right: float = 1.0
+    bottom: float = 1.0
+
+    @property
+    def shift(self) -> tuple[float, float]:
+        """Return how far the rectangle's middle is to the right of the picture's middle, and above it, in shares."""
+        return (self.left + self.right - 1.0) / 2, (1.0 - self.top - self.bottom) / 2
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Return the rectangle's width and height, as shares of the picture's."""
+        return self.right - self.left, self.bottom - self.top
+
+
+# The rectangle of the whole picture.
+WHOLE_PICTURE = Room()
+
+
 def fit_distance(
-    camera: CameraSpec, points_world: Float64, target: Vector, size: tuple[int, int], margin: float = MARGIN
+    camera: CameraSpec,
+    points_world: Float64,
+    target: Vector,
+    size: tuple[int, int],
+    margin: float = MARGIN,
+    room: Room = WHOLE_PICTURE,
 ) -> float:
     """Return the smallest distance of the eye from the target at which all points are in the image, on the whole path.
 
@@ -44,8 +73,9 @@ def fit_distance(
     orthographic cameras with wide fields of view farther away than the image needs. The zoom of keyframes is ignored,
     because it magnifies on purpose. Flights have eyes of their own; a path of flights alone fits at any distance.
 
-    points_world: float64 [n, 3]. margin: the margin, as a share of half of the image's smaller side. Raises InputError
-    if there is nothing to frame.
+    points_world: float64 [n, 3]. margin: the margin, as a share of half of the smaller side of the image, or of `room`.
+    room: the part of the image in which all points must be, with the target in its middle. Raises InputError if there
+    is nothing to frame.
     """
     if points_world.size == 0:
         raise InputError(
@@ -54,7 +84,7 @@ def fit_distance(
             expected="a volume and a transfer function that show something",
             hint="raise the opacities or set camera.distance",
         )
-    distance = least_distance(camera, points_world, target, size, margin)
+    distance = least_distance(camera, points_world, target, size, margin, room=room)
     if not distance > 0.0:
         what = "all visible voxels lie beyond the target, and are in frame from any distance"
         no_extent = "the visible voxels have no extent, so there is nothing to frame"
@@ -73,15 +103,16 @@ def least_distance(
     size: tuple[int, int],
     margin: float = MARGIN,
     frames: Sequence[int] | None = None,
+    room: Room = WHOLE_PICTURE,
 ) -> float:
     """Return the smallest distance at which all points are in the image, as `fit_distance` does; it may be 0 or less.
 
     frames: the frames of the path at which the points must be in the image, None for all frames.
     """
     offsets = points_world - np.asarray(target, np.float64)
-    width, height = size
+    width, height = (share * side for share, side in zip(room.shares, size, strict=True))
     margin_px = margin * min(width, height) / 2
-    tangent_per_px = math.tan(math.radians(camera.field_of_view) / 2) / (height / 2)
+    tangent_per_px = math.tan(math.radians(camera.field_of_view) / 2) / (size[1] / 2)
     limit_x, limit_y = (width / 2 - margin_px) * tangent_per_px, (height / 2 - margin_px) * tangent_per_px
     distance = -math.inf
     all_poses = iter_camera_poses(camera.path) if frames is None else [camera_poses(camera.path, frames)]

@@ -207,7 +207,7 @@ def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, s
     scale_px = focal_length_px(camera, size) * float(poses.zoom[0])
     if camera.projection == "orthographic":
         scale_px /= distance
-    return View(axes, centre, distance, camera.projection, scale_px, size, camera.near)
+    return View(axes, centre, distance, camera.projection, scale_px, size, camera.near, camera.shift or (0.0, 0.0))
 
 
 def focal_length_px(camera: CameraSpec, size: tuple[int, int]) -> float:

@@ -49,8 +49,9 @@ def model_view(model: Model, view: View) -> ModelView:
         perspective,
         float(scale_px),
         view.size,
+        view.center_px,
         float(view.near / model.model_unit),
-        SLOPE_LIMIT * np.array(view.size) / 2 / view.scale_px,
+        SLOPE_LIMIT * np.maximum(view.center_px, np.array(view.size) - view.center_px) / view.scale_px,
     )
 
 
@@ -89,7 +90,7 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
             return Region(0, 0, *camera.size)
         slopes, limit = origin[:2] / origin[2], camera.slope_limit
     magnification = camera.scale_px / nearest
-    center_px = size / 2 + camera.scale_px * (slopes if camera.perspective else origin[:2])
+    center_px = camera.center_px + camera.scale_px * (slopes if camera.perspective else origin[:2])
     model_px = magnification * (radius * np.hypot(1, slopes) + batch.footprint.cutoff * sigma * np.hypot(1, limit))
     # Two pixels allow for rounding to whole pixels.
     reach_px = model_px + batch.footprint.cutoff * batch.footprint.min_sigma_px + 2
@@ -140,7 +141,7 @@ def _square_areas_px(batch: SplatBatch, splats: UInt32, camera: ModelView) -> Fl
     scale_px = _scale_px(camera, -in_view[:, 2])
     sigmas = longest_sigma(batch)[vertices[:, 7].astype(np.int64), None]
     reach_px = batch.footprint.cutoff * np.maximum(sigmas * scale_px, batch.footprint.min_sigma_px)
-    center_px = np.array(camera.size) / 2 + in_view[:, :2] * (1.0, -1.0) * scale_px
+    center_px = camera.center_px + in_view[:, :2] * (1.0, -1.0) * scale_px
     low, high = (np.clip(center_px + sign * reach_px, 0, camera.size) for sign in (-1, 1))
     return np.asarray((high - low).prod(axis=1))
 

@@ -29,9 +29,8 @@ from golden_cases import CASES, SCENE, Case  # noqa: E402
 
 from hsplat_cli.scenes import SceneRequest, load_job  # noqa: E402
 from renderer.accuracy import TRUTH_TOLERANCE, compute_metric, compute_truth  # noqa: E402
-from renderer.annotation import FilmAnnotation  # noqa: E402
 from renderer.film import Picture, over_black  # noqa: E402
-from renderer.frame import FilmStage, prepare_stage  # noqa: E402
+from renderer.frame import FilmAnnotation, FilmStage, prepare_stage  # noqa: E402
 from renderer.scene import FilmScene  # noqa: E402
 from renderer.system import num_cores  # noqa: E402
 from renderer.truth import PixelMeans  # noqa: E402

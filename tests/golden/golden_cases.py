@@ -213,8 +213,8 @@ CASES = (
     Case("bounds", "the outline of the volume, with ticks", (_DEFAULT, "annotation.bounds=true", _CLEAR)),
     Case("annotation", "what is written over a picture, on a gradient", (_DEFAULT, *_ALONE,
         f"volumes=[{_BLOCK}, {_RINGS}]", "output.size=[320, 240]", "output.background={top: '#203040', bottom: white}",
-        "annotation={title: Block and rings, time: 'frame {frame}', legend: true, color_bar: true, scale_bar: true,"
-        " orientation: true, bounds: true}"), "3:4"),
+        "annotation={layout: over, title: Block and rings, time: 'frame {frame}', legend: true, color_bar: true,"
+        " scale_bar: true, orientation: true, bounds: true}"), "3:4"),
     Case("default_oblique", "bricks of voxels that are no cubes", (_DEFAULT,), volume=oblique_scan),
     Case("must_fail", "the comparison: its golden is of another scene, drawn half a degree further round",
         golden_changes=("camera.path.start=20.5",)),

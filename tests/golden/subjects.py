@@ -14,12 +14,12 @@ from golden_cases import SCENE
 
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.accuracy import FrameProber, open_prober, psnr
-from renderer.annotation import FilmAnnotation
 from renderer.bricks import BrickBatch, BrickCut
 from renderer.draw import BrickRasterizer, Rasterizer, SplatRasterizer
 from renderer.film import quantize
 from renderer.frame import (
     DrawList,
+    FilmAnnotation,
     Frame,
     Stage,
     Stopwatch,
@@ -79,7 +79,10 @@ _ATLAS = (
     "labels={opacity: 0.6, colors: auto}",
     "output.size=[128, 128]",
 )
-_ANNOTATION = "annotation={title: Block, time: 'frame {frame}', scale_bar: true, orientation: true, color_bar: true}"
+_ANNOTATION = (
+    "annotation={layout: over, title: Block, time: 'frame {frame}', scale_bar: true, orientation: true,"
+    " color_bar: true}"
+)
 
 SPLATS = (
     Subject("membranes", "five hollow cells", SCENE, _MEMBRANES, frame=3),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import colorsys
 import math
+import re
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
@@ -220,3 +221,43 @@ def test_a_logo_keeps_its_colors_and_its_transparency(tmp_path: Path) -> None:
     assert rgba.shape == (height, 2 * height, 4) and (row, column) == (19, 19)
     np.testing.assert_array_equal(image[19 + height // 2, 19 + height // 4], np.float32([0, 128 / 255, 1, 1]))
     assert image[..., 0].max() == 0
+
+
+def test_what_would_fit_is_told_and_fits() -> None:
+    crowded = {"title": "a title of forty characters, or so it is", "time": "after {frame} frames of all of it"}
+    small = {"accuracy": {"position": "bottom"}, "scale_bar": True}
+    for keys, size, key, got in (
+        ({"title": "W" * 60}, (640, 480), "title", "840 x 14 pixels, in a picture of 640 x 480"),
+        (crowded, (640, 480), "time", "181 x 14 pixels, in a picture of 640 x 480"),
+        (small, (90, 70), "accuracy", "36 x 10 pixels, in a picture of 90 x 70"),
+    ):
+        facts = replace(FACTS, size=size)
+        (problem,) = annotation_problems(annotation(**keys), facts, [FRAME])
+        assert (problem.path, problem.got) == (f"annotation.{key}", got)
+        hint = problem.hint or ""
+        fits = re.search(r"size: ([0-9.]+) fits", hint)
+        larger = re.search(r"fits into a picture of (\d+) x (\d+)", hint)
+        assert fits or larger, hint
+        if fits:
+            entry = keys[key] if isinstance(keys[key], dict) else {{"title": "text", "time": "format"}[key]: keys[key]}
+            assert not annotation_problems(annotation(**keys | {key: entry | {"size": float(fits[1])}}), facts, [FRAME])
+        if larger:
+            facts = replace(facts, size=(int(larger[1]), int(larger[2])))
+            assert not annotation_problems(annotation(**keys), facts, [FRAME])
+
+
+def test_entries_have_the_color_and_size_of_the_annotation_or_their_own() -> None:
+    red, green = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    spec = annotation(title={"text": "a", "color": "lime"}, accuracy=True, color="red", size=0.05)
+    annotator = Annotator(spec, FACTS)
+    title, accuracy = annotator.patches(FRAME)
+    for patch, color in ((title, green), (accuracy, red)):
+        assert (patch.rgba == (*color, 1.0)).all(axis=2).any()
+    alone = Annotator(annotation(title={"text": "a", "size": 0.05}), FACTS)
+    assert annotator.sketch("title", FRAME).height == alone.sketch("title", FRAME).height
+    for background, level in ((None, 0.0), (WHITE, 0.0), (FACTS.background, 1.0)):
+        (patch,) = Annotator(
+            annotation(title={"text": "I", "size": 0.1}), replace(FACTS, background=background)
+        ).patches(FRAME)
+        assert (patch.rgba == (level, level, level, 1.0)).all(axis=2).any()
+        assert not (patch.rgba == (1 - level, 1 - level, 1 - level, 1.0)).all(axis=2).any()

@@ -29,8 +29,8 @@ FOR_TESTS = "# For tests alone: steps and constants that no other room uses.\n"
 ORDER = {
     "renderer": [
         "system", "kernels", "cache", "volume", "looks", "scene", "stores", "readers", "statistics", "transfer",
-        "suggest", "pyramid", "lighting", "splats", "bricks", "view", "modes", "layers", "draw", "film", "frame",
-        "truth", "accuracy", "resolve", "annotation", "record", "job",
+        "suggest", "pyramid", "lighting", "splats", "bricks", "view", "modes", "layers", "draw", "film", "annotation",
+        "frame", "truth", "accuracy", "resolve", "record", "job",
     ],
     "hsplat_cli": [
         "terminal", "scenes", "executors", "reports", "compare", "measure", "turntable", "preview", "commands",

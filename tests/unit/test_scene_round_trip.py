@@ -46,6 +46,7 @@ from renderer.scene import (
     MetricTarget,
     ModeSpec,
     Motion,
+    NamesSpec,
     OutputFile,
     OutputSpec,
     PathSequence,
@@ -103,6 +104,10 @@ ANNOTATION = AnnotationSpec(
     *(BAR, ColorBarSpec(**BLUE, label="a", length=0.2, layer=0), BAR, BAR, BAR),
     bounds=True,
     font=HERE,
+    layout="over",
+    color=(0.0, 1 / 3, 0.0),
+    size=0.05,
+    names=NamesSpec(size=0.25, color=(0.0, 0.0, 1 / 3)),
 )
 PLAIN = Scene(
     layers=(LayerSpec(VolumeSpec(ProceduralSource("constant", (9, 9, 9))), TransferSpec(POINTS)),),
@@ -118,7 +123,7 @@ SECTIONS = {
                 ShadingSpec(0.1, 0.2, AXIS)),),
         camera=CameraSpec(
             KeyframePath(9, (Keyframe(0, -0.1, 30.5), Keyframe(8, 90.0, 20.0, 2.5)), False, "linear", AXIS),
-            "orthographic", 25.5, "visible", 3.5, 0.1),
+            "orthographic", 25.5, "visible", 3.5, 0.1, (0.25, -1 / 3)),
         error=ErrorSpec(scheduled((0, 0.5), (7, 1 / 3), (8, 0.0)), "rms", "scalar", 2),
         splat=SplatSpec("gouraud", 0.5, 7, 4, ((0.0, 1.0), (0.1, 0.5), (1.0, 0.0)), False, "boxes"),
         pyramid=PyramidSpec("opacity", "single"),
@@ -132,7 +137,8 @@ SECTIONS = {
         camera=CameraSpec(RockerPath(9, 33.3, 0.1, -10.5, AXIS), target=(1.0, 2.0, 1 / 3)),
         error=ErrorSpec(goal=SplatBudget(scheduled((0, 1000), (8, 10_000)))),
         output=OutputSpec(
-            Path("a.mp4"), (512, 512), 12.5, (0.1, 0.2, 0.3), 3.3, codec="hevc", crf=9.5, pixel_format="yuv420p10")),
+            Path("a.mp4"), (512, 512), 12.5, (0.1, 0.2, 0.3), 3.3, codec="hevc", crf=9.5,
+            pixel_format="yuv420p10", dpi=300.5)),
     "procedural": Scene(
         layers=(
             LayerSpec(
@@ -146,7 +152,7 @@ SECTIONS = {
             Path("b/c.gif"),
             others=(
                 OutputFile(Path("a.webm"), (256, 256), 10.0, None, 3.0, "vp9", 12.0, "yuva420p", every=2),
-                OutputFile(Path("p.png"), background=((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), frame=1)))),
+                OutputFile(Path("p.png"), background=((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), frame=1, dpi=72.0)))),
     "url": PLAIN.with_layers(volume=VolumeSpec(UrlSource("s3://a.bucket/b.zarr", SPACING), level=3)),
     "attenuation": replace(PLAIN, mode=ModeSpec("attenuation", 0.1, -1000.0)).with_layers(
         transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log"), relative=True)),

@@ -299,7 +299,7 @@ def _set_camera(program: Any, camera: ModelView) -> None:
     program["view_translation"] = tuple(to_depth[:, 3])
     program["perspective"] = camera.perspective
     program["scale_px"] = camera.scale_px
-    program["size_px"] = camera.size
+    program["axis_px"] = tuple(camera.center_px)
 
 
 def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:

@@ -11,7 +11,7 @@ uniform mat3 view_rotation;      // from model axes to right, up and depth axes
 uniform vec3 view_translation;
 uniform bool perspective;
 uniform float scale_px;          // focal length in pixels, or pixels per model unit if the view is orthographic
-uniform vec2 size_px;            // width and height of the picture, in pixels
+uniform vec2 axis_px;            // position of the optical axis in the picture, in pixels
 uniform vec2 tile_px;            // width and height of a tile, in pixels
 uniform vec2 corner_px;          // first column and row of the tile
 uniform float near_beyond_origin; // depth of the near plane minus that of the model's origin
@@ -88,7 +88,7 @@ Footprint project() {
         row_y += slope.y * away;
         stretch = sqrt(1.0 + dot(slope, slope));
     }
-    result.center_px = 0.5 * size_px + magnification * vec2(position.x, -position.y);
+    result.center_px = axis_px + magnification * vec2(position.x, -position.y);
 
     // Rows are in units of the longest component, so that no square and no product leaves the range of float32.
     vec3 longest = max(abs(row_x), abs(row_y));

@@ -77,7 +77,7 @@ Status draw_lines(const DrawLines* arguments) {
                 for (int row = 0; row < 3; row++) end[row] += (ends[1 - k][row] - end[row]) * share;
             }
             double scale = camera.perspective ? camera.scale_px / -end[2] : camera.scale_px;
-            ends_px[k] = {0.5 * camera.size[0] + scale * end[0], 0.5 * camera.size[1] - scale * end[1], scale};
+            ends_px[k] = {camera.center_px[0] + scale * end[0], camera.center_px[1] - scale * end[1], scale};
         }
         int64_t level = (int64_t)vertices(i, 6);
         double side = voxel_side * (double)((int64_t)1 << level);

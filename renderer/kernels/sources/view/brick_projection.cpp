@@ -11,7 +11,7 @@ Status project_bounds(const ProjectBounds* arguments) {
     const int64_t num = bounds.shape[0];
     if (rectangles.shape[0] != num) return OUT_OF_BOUNDS;
     const auto& r = camera.view_from_model;
-    const double middle_x = camera.size[0] / 2.0, middle_y = camera.size[1] / 2.0;
+    const double middle_x = camera.center_px[0], middle_y = camera.center_px[1];
     const double width = camera.size[0] + beyond, height = camera.size[1] + beyond, scale = camera.scale_px;
     auto project = [&](int64_t i, bool perspective) __attribute__((always_inline)) {
         double left = __builtin_inf(), top = left, right = -left, bottom = -left;

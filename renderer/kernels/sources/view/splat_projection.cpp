@@ -12,6 +12,9 @@ Status cull_splats(const CullSplats* arguments) {
     const auto& r = camera.view_from_model;
     const double scale = camera.scale_px, reach_px = cutoff * min_sigma_px + 1.0;
     const double half_width = 0.5 * camera.size[0] + reach_px, half_height = 0.5 * camera.size[1] + reach_px;
+    // The position of the optical axis, to the right of the image's middle and up from it, in pixels.
+    const double right_px = camera.center_px[0] - 0.5 * camera.size[0];
+    const double up_px = 0.5 * camera.size[1] - camera.center_px[1];
     // The radii of the image of a ball of radius 1, across and down the image, in pixels times depth. The projection is
     // linearised at no more than the largest slopes.
     const double side = scale * __builtin_sqrt(1.0 + camera.slope_limit[0] * camera.slope_limit[0]);
@@ -20,14 +23,15 @@ Status cull_splats(const CullSplats* arguments) {
 #pragma clang loop vectorize(disable)
     for (int64_t i = 0; i < num; i++) {
         double cx = vertices(i, 0), cy = vertices(i, 1), cz = vertices(i, 2);
-        double x = __builtin_fabs(r[0] * cx + r[1] * cy + r[2] * cz + r[3]);
-        double y = __builtin_fabs(r[4] * cx + r[5] * cy + r[6] * cz + r[7]);
-        double depth = -(r[8] * cx + r[9] * cy + r[10] * cz) - r[11];
+        double depth = -(r[8] * cx + r[9] * cy + r[10] * cz) - r[11], per_px = camera.perspective ? depth : 1.0;
+        // The distance of the centre from the middle of the image, in pixels; times depth in perspective.
+        double x = __builtin_fabs((r[0] * cx + r[1] * cy + r[2] * cz + r[3]) * scale + per_px * right_px);
+        double y = __builtin_fabs((r[4] * cx + r[5] * cy + r[6] * cz + r[7]) * scale + per_px * up_px);
         double sigma = sigmas[(int64_t)vertices(i, 7)], radius = cutoff * sigma;
         bool is_inside =
             camera.perspective
-                ? (x * scale - depth * half_width <= radius * side) & (y * scale - depth * half_height <= radius * top)
-                : ((x - radius) * scale <= half_width) & ((y - radius) * scale <= half_height);
+                ? (x - depth * half_width <= radius * side) & (y - depth * half_height <= radius * top)
+                : (x - radius * scale <= half_width) & (y - radius * scale <= half_height);
         bool is_cut = depth - clipped_sigmas * sigma < camera.near;
         depths[i] = (float)(along[0] * cx + along[1] * cy + along[2] * cz);
         is_visible[i] = (is_inside | is_cut) & (depth + culled_sigmas * sigma > camera.near);

@@ -1,48 +1,53 @@
-"""Find the facts that an annotation shows, such as the unit of lengths and the colours of labels, from a stage."""
+"""Find the facts that an annotation shows, such as the unit of lengths and the colours of labels, from layers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
-from renderer.frame import FilmStage, Stage, view_of
-from renderer.scene import FilmScene, PictureKind, moving_numbers, moving_values
+from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts, Side
+from renderer.annotation.names import NamedLabel
+from renderer.layers import Layer
+from renderer.scene import Color, FilmScene, PictureKind, Scene, moving_numbers, moving_values
+from renderer.view import View
 
 # The number of samples of a transfer function along its color bar.
 _NUM_BAR_SAMPLES = 256
 
 
-def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
+def film_facts(
+    scene: Scene, layers: Sequence[Layer], kind: PictureKind, names: Sequence[NamedLabel] = ()
+) -> AnnotationFacts:
     """Return the facts about a film that an annotation shows on all frames alike.
 
-    kind: the kind of the pictures, with a background that does not move.
+    scene: the scene at a frame, with its layers. kind: the kind of the pictures, with a background that does not move.
+    names: the labels that are named beside the object.
     """
-    background, volumes = kind.background_at(0), [layer.volume for layer in stage.layers]
+    background, volumes = kind.background_at(0), [layer.volume for layer in layers]
     axes = {volume.world_axes for volume in volumes}
     return AnnotationFacts(
         size=kind.size,
         background=None if background is None else background if len(background) == 2 else (background, background),
-        unit=length_unit(stage) or "voxels",
-        is_perspective=stage.scene.camera.projection == "perspective",
+        unit=length_unit(layers) or "voxels",
+        is_perspective=scene.camera.projection == "perspective",
         world_axes=axes.pop() if len(axes) == 1 else "",
-        bars=tuple(_bars(stage)),
-        legend=tuple(_legend(stage)),
+        bars=tuple(_bars(layers)),
+        legend=tuple(_legend(layers)),
+        names=(_column(names, "left"), _column(names, "right")),
     )
 
 
-def frame_facts(film: FilmScene, stage: Stage, frame: int, kind: PictureKind, psnr: float | None) -> FrameFacts:
-    """Return the facts about a frame that an annotation shows.
+def frame_facts(film: FilmScene, layers: Sequence[Layer], view: View, frame: int, kind: PictureKind) -> FrameFacts:
+    """Return the facts about a frame that an annotation shows, without its accuracy.
 
-    film: the scene of the whole film. stage: the stage of the frame. kind: the kind of the picture.
-    psnr: the PSNR of the frame in decibels, if it was measured.
+    film: the scene of the whole film. layers, view: of the frame. kind: the kind of the picture.
     """
-    volume, view = stage.layers[0].volume, view_of(stage, frame)
+    volume = layers[0].volume
     side = (view.distance if view.projection == "perspective" else 1.0) / view.scale_px
     side *= view.size[0] / kind.size[0]
     right, up, away = ((x, y, z) for x, y, z in view.axes.tolist())
-    at, time = stage.scene.layers[0].volume.time, None
+    at, time = layers[0].spec.volume.time, None
     if volume.times and isinstance(at, (int, float)):
         time = float(np.interp(at, range(len(volume.times)), volume.times))
     return FrameFacts(
@@ -50,21 +55,24 @@ def frame_facts(film: FilmScene, stage: Stage, frame: int, kind: PictureKind, ps
         seconds=frame / film.output.frames_per_second,
         time=time,
         moving=moving_numbers(moving_values(film, frame)) if film.moves else {},
-        accuracy="" if psnr is None else f"frame PSNR {psnr:.1f} dB",
-        world_per_pixel=side if length_unit(stage) else side / volume.finest_spacing,
+        world_per_pixel=side if length_unit(layers) else side / volume.finest_spacing,
         axes=(right, up, away),
     )
 
 
-def length_unit(stage: FilmStage) -> str:
+def _column(names: Sequence[NamedLabel], side: Side) -> tuple[tuple[str, Color], ...]:
+    return tuple((each.text, each.color) for each in names if each.side == side)
+
+
+def length_unit(layers: Sequence[Layer]) -> str:
     """Return the unit of world lengths, if all volumes have the same unit; else an empty text."""
-    units = {layer.volume.length_unit for layer in stage.layers}
+    units = {layer.volume.length_unit for layer in layers}
     return units.pop() if len(units) == 1 else ""
 
 
-def _bars(stage: Stage) -> Iterator[ColorBar]:
+def _bars(layers: Sequence[Layer]) -> Iterator[ColorBar]:
     """Yield the color bar of each layer that has one: its transfer function over the range of its control points."""
-    for number, layer in enumerate(stage.layers):
+    for number, layer in enumerate(layers):
         mapping = layer.spec.transfer_function
         if mapping.labels is not None or layer.spec.volume.has_colors:
             continue
@@ -87,16 +95,16 @@ def _bars(stage: Stage) -> Iterator[ColorBar]:
         )
 
 
-def _legend(stage: Stage) -> Iterator[tuple[str, tuple[float, float, float]]]:
+def _legend(layers: Sequence[Layer]) -> Iterator[tuple[str, tuple[float, float, float]]]:
     """Yield the names and colours in a legend: of labels and, if there are several volumes, of volumes without labels.
 
     A volume has the colour that its layer states, or the colour at its largest extinction.
     """
-    for layer in stage.layers:
+    for layer in layers:
         labels = layer.spec.transfer_function.labels
         if labels is not None:
             yield from ((style.name or f"label {style.value}", style.color) for style in labels.styles)
-        elif len(stage.layers) > 1:
+        elif len(layers) > 1:
             most_opaque = layer.transfer.colors[int(np.argmax(layer.transfer.extinctions))]
             red, green, blue = layer.spec.color or most_opaque.tolist()
             yield layer.spec.name or layer.volume.name, (red, green, blue)

@@ -8,20 +8,24 @@ from functools import lru_cache
 
 import numpy as np
 
-from renderer.annotation.annotator import Annotator, annotation_problems
-from renderer.annotation.facts import AnnotationFacts
-from renderer.annotation.sketch import draw_annotation
-from renderer.annotation.stage_facts import film_facts, frame_facts, length_unit
+from renderer.annotation import (
+    AnnotationFacts,
+    Annotator,
+    NamedLabel,
+    annotation_problems,
+    draw_annotation,
+    film_facts,
+    find_anchors,
+    frame_facts,
+    length_unit,
+)
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
-from renderer.frame import FilmStage, Stage, view_of
-from renderer.scene import PictureKind, raise_problems
+from renderer.frame.camera_framing import WIDEST_PSNR, names_of, tried_frames
+from renderer.frame.stage import FilmStage, Stage, view_of
+from renderer.layers import Layer
+from renderer.scene import PictureKind, join_words, raise_problems
 from renderer.volume import Bools, Float32
-
-# Before a film is drawn, its annotation is tried on at most this many frames.
-_MOST_TRIED = 9
-# The PSNR in decibels with which the annotation is tried, before the accuracy is known. No PSNR makes a wider text.
-_WIDEST_PSNR = 100.0
 
 
 class FilmAnnotation:
@@ -32,6 +36,7 @@ class FilmAnnotation:
         # Annotators are kept, because each one keeps the drawings that do not change from frame to frame.
         self._annotator = lru_cache(len(self._output.kinds))(Annotator)
         self._facts: tuple[FilmStage, dict[PictureKind, AnnotationFacts]] = film, {}
+        self._names: tuple[Sequence[Layer], Sequence[NamedLabel]] = (), ()
 
     def draw(self, image: Float32, kind: PictureKind, stage: Stage, frame: int, psnr: float | None) -> None:
         """Draw the annotation over a picture of a frame, float32 [h, w, 4].
@@ -42,10 +47,16 @@ class FilmAnnotation:
         if stage is not self._facts[0]:
             self._facts = stage, {}
         known = self._facts[1]
+        if stage.layers is not self._names[0]:
+            self._names = stage.layers, names_of(self._film.scene, stage.layers)
+        names = self._names[1]
         if kind not in known:
-            known[kind] = film_facts(stage, kind)
+            known[kind] = film_facts(stage.scene, stage.layers, kind, names)
         annotator = self._annotator(stage.scene.annotation, known[kind])
-        patches = annotator.patches(frame_facts(self._film.scene, stage, frame, kind, psnr))
+        view = view_of(stage, frame)
+        facts = frame_facts(self._film.scene, stage.layers, view, frame, kind)
+        facts = replace(facts, anchors=find_anchors(names, stage.layers, view, kind.size[0]))
+        patches = annotator.patches(facts.with_accuracy(psnr))
         draw_annotation(image, patches, is_linear=stage.scene.light is not None)
 
     def covered(self, frame: int, psnr: float | None) -> Bools | None:
@@ -68,27 +79,30 @@ class FilmAnnotation:
 def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
     """Raise SceneError if the annotation of a film cannot be drawn over the pictures of some of the given frames."""
     annotation = film.scene.at(0).annotation
-    if not annotation.entries:
+    if not annotation.has_patches:
         return
-    # This import is not at the top of the file, because `renderer.accuracy` takes a while to load.
-    from renderer.accuracy import spread_evenly
-
     problems: list[Problem] = []
+    names = names_of(film.scene, film.layers)
     for kind in film.scene.output.kinds:
         shown = []
-        for frame in spread_evenly(frames, _MOST_TRIED, is_loop=False):
+        for frame in tried_frames(frames):
             # The layers of the first frame stand for the layers of all frames, which would take a while to make.
             scene = film.scene.at(frame)
             stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
-            shown.append(frame_facts(film.scene, stage, frame, kind, _WIDEST_PSNR))
-        problems += annotation_problems(annotation, film_facts(film.first, kind.at(0)), shown)
+            view = view_of(stage, frame)
+            shown.append(frame_facts(film.scene, stage.layers, view, frame, kind).with_accuracy(WIDEST_PSNR))
+        facts = film_facts(film.first.scene, film.layers, kind.at(0), names)
+        for problem in annotation_problems(annotation, facts, shown):
+            files = [each.file.name for each in film.scene.output.files if each.kind == kind]
+            where = f", in {join_words(files, 'and')}" if film.scene.output.others else ""
+            problems.append(replace(problem, what=problem.what + where))
     raise_problems(problems)
 
 
 def annotation_notes(stage: FilmStage) -> Iterator[str]:
     """Yield notes on a film's annotation that are shown to the user."""
     annotation = stage.scene.at(0).annotation
-    if annotation.scale_bar is not None and not length_unit(stage):
+    if annotation.scale_bar is not None and not length_unit(stage.layers):
         yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"
     if annotation.shows_anything and stage.scene.error.probes != 0 and stage.scene.at(0).light is None:
         yield "the accuracy is that of the pictures without annotation"
