@@ -227,6 +227,6 @@ from .camera_section import (
 )
 from .colormaps import is_colormap as is_colormap, nearest_colormap as nearest_colormap
 from .motion import EASINGS as EASINGS, MotionKind as MotionKind, values_at as values_at
-from .output_section import MAX_SIDE as MAX_SIDE
+from .picture_size import MAX_SIDE as MAX_SIDE
 from .tree_node import read_frame as read_frame
 from .volume_section import MAX_VOXELS as MAX_VOXELS
