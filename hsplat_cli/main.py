@@ -40,6 +40,8 @@ COMMANDS = {
     "golden": "Keep frames of scenes to compare later ones with.",
     "compare": "Compare frames with golden ones; exit with 1 where they differ.",
     "info": "Describe a volume: shape, place, values and histogram.",
+    "explain": "Say what a key of a scene is: its values, bounds and default.",
+    "schema": "Print the JSON Schema of scenes, for editors.",
     "doctor": "Say what is installed, what draws, and what is missing.",
     "completion": "Print the script by which bash, zsh or fish completes commands.",
     "man": "Print the manual page of hsplat and all of its commands.",

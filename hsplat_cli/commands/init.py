@@ -10,6 +10,8 @@ import click
 
 from hsplat_cli.commands.shared_options import cache_option
 from hsplat_cli.scenes import (
+    SCHEMA_FILE,
+    SCHEMA_LINE,
     ReadingOptions,
     SceneRequest,
     base_name,
@@ -18,6 +20,7 @@ from hsplat_cli.scenes import (
     suggest_scene,
     volume_options,
     volume_spec,
+    write_schema,
 )
 from hsplat_cli.terminal import OutputPath, Reporter, VolumePath
 from renderer.errors import HsplatError, InputError
@@ -48,7 +51,8 @@ def init(*, volume: Path | str, output: Path | None, force: bool, film: FilmOpti
     if output is not None:  # checked before the volume is read, which may take long
         _require_output(output, force=force)
         volumes = filter(None, (spec, film.under))
-        WrittenFiles([output]).require_harmless(chain.from_iterable(map(volume_files, volumes)))
+        written = WrittenFiles([output, output.with_name(SCHEMA_FILE)])
+        written.require_harmless(chain.from_iterable(map(volume_files, volumes)))
     scene, film_file = output or Path("scene.yaml"), Path(f"{base_name(volume)}.mp4")
     text, _ = suggest_scene(spec, film, reporter, scene=scene, output=film_file)
     _tell_faults(SceneRequest(scene, content=text.encode()), reporter)
@@ -57,7 +61,8 @@ def init(*, volume: Path | str, output: Path | None, force: bool, film: FilmOpti
         if isinstance(volume, Path) and not volume.is_absolute():
             reporter.status("paths of this scene are relative to this folder; --output FILE writes it into another one")
     else:
-        write_staged(output, text.encode())
+        write_schema(output.with_name(SCHEMA_FILE))
+        write_staged(output, f"{SCHEMA_LINE}{text}".encode())
         reporter.status(f"{output}: written; `hsplat render {output}` makes the film")
 
 

@@ -9,6 +9,7 @@ options of commands that take a volume.
   their films.
 - `scene_text.py`: a suggested scene for a volume, as YAML with comments; `shared_look.py`: scenes with the look of
   another scene.
+- `editor_schema.py`: the JSON Schema beside scenes, and the line that names it to editors.
 """
 
 import lazy_loader

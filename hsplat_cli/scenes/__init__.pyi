@@ -1,3 +1,9 @@
+from .editor_schema import (
+    SCHEMA_FILE as SCHEMA_FILE,
+    SCHEMA_LINE as SCHEMA_LINE,
+    schema_content as schema_content,
+    write_schema as write_schema,
+)
 from .job import (
     SceneRequest as SceneRequest,
     load_film as load_film,

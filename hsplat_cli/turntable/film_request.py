@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.scenes import SharedLook, volume_place
+from hsplat_cli.scenes import SCHEMA_FILE, SharedLook, volume_place
 from hsplat_cli.turntable.gallery import CONTACT_FILE, PAGE_FILE, poster_file
 from hsplat_cli.turntable.manifest import FAILED, LOCK_FILE, MANIFEST_FILE, NOT_STARTED, FilmEntry, Status
 from renderer.errors import HsplatError, InputError, OutputLockedError
@@ -23,7 +23,7 @@ from renderer.suggest import FilmOptions
 from renderer.system import sources_digest
 
 # The names of files in a folder of films that belong to no single film.
-_FOLDER_FILES = (MANIFEST_FILE, LOCK_FILE, PAGE_FILE, CONTACT_FILE)
+_FOLDER_FILES = (MANIFEST_FILE, LOCK_FILE, PAGE_FILE, CONTACT_FILE, SCHEMA_FILE)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hsplat_cli.scenes import suggest_scene, volume_place
+from hsplat_cli.scenes import SCHEMA_FILE, SCHEMA_LINE, suggest_scene, volume_place, write_schema
 from hsplat_cli.terminal import FilmEvents, Reporter, report_film
 from hsplat_cli.turntable import manifest
 from hsplat_cli.turntable.film_request import FilmRequest
@@ -184,6 +184,7 @@ def write_scene(request: FilmRequest, content: bytes, reporter: Reporter) -> Non
     """
     if not _require_replaceable(request, content):
         update_manifest(request.scene.parent, [request.entry(manifest.STARTED)], reporter)
+        write_schema(request.scene.with_name(SCHEMA_FILE))
         write_staged(request.scene, content)
 
 
@@ -220,7 +221,7 @@ _MARK = b'; of "'
 def marked_scene(text: str, volume_path: str) -> bytes:
     """Return a scene with a last line that names its volume, and has a digest, which shows whether it was edited."""
     volume = json.dumps(volume_path)
-    marked = f"{text}\n# `hsplat turntable` replaces this file while nobody has changed it; of {volume}: "
+    marked = f"{SCHEMA_LINE}{text}\n# `hsplat turntable` replaces this file while nobody has changed it; of {volume}: "
     return f"{marked}{bytes_digest(marked.encode())}\n".encode()
 
 

@@ -59,6 +59,12 @@ from .input_file import (
     require_file as require_file,
 )
 from .json_tree import is_plain_data as is_plain_data, load_json_object as load_json_object
+from .key_explanation import (
+    SCHEMA_COMMENT as SCHEMA_COMMENT,
+    explain_key as explain_key,
+    scene_keys as scene_keys,
+    scene_schema as scene_schema,
+)
 from .labels_section import (
     MAX_LABEL as MAX_LABEL,
     MAX_LABELS as MAX_LABELS,
@@ -217,8 +223,10 @@ from .camera_section import (
     MAX_FIELD_OF_VIEW as MAX_FIELD_OF_VIEW,
     MAX_ZOOM as MAX_ZOOM,
     MIN_FIELD_OF_VIEW as MIN_FIELD_OF_VIEW,
+    PATH_EXAMPLES as PATH_EXAMPLES,
 )
 from .colormaps import is_colormap as is_colormap, nearest_colormap as nearest_colormap
 from .motion import EASINGS as EASINGS, MotionKind as MotionKind, values_at as values_at
-from .output_section import MAX_SIDE as MAX_SIDE
+from .picture_size import MAX_SIDE as MAX_SIDE
 from .tree_node import read_frame as read_frame
+from .volume_section import MAX_VOXELS as MAX_VOXELS

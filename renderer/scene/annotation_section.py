@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,7 +12,7 @@ from renderer.errors import InputError
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.message_text import did_you_mean, join_some
-from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.schema import INVALID, Color, KeyText, TreeNode
 from renderer.scene.volume_files import file_field
 from renderer.system import printable
 
@@ -73,9 +73,17 @@ class EntrySpec:
     color: `auto` is the color of the annotation.
     """
 
-    position: Position
-    size: Annotated[float | None, _SIZE] = None
-    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
+    position: Annotated[Position, KeyText("The place along the edges of the picture.")]
+    size: Annotated[
+        float | None,
+        _SIZE,
+        KeyText(
+            "The height of the text, or of the whole entry, as a share of the picture's.", "that of all texts", "0.03"
+        ),
+    ] = None
+    color: Annotated[
+        Color | Literal["auto"], _COLOR, KeyText("The color of the entry; `auto`: that of all entries.")
+    ] = "auto"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,9 +95,17 @@ class ColorBarSpec(EntrySpec):
     layer: the number, from 0, of the volume whose transfer function is shown; None shows those of all volumes.
     """
 
-    label: Annotated[str | None, _TEXT] = None
-    length: Annotated[float, schema.number_field(minimum=0.05, maximum=0.9, motion=None)] = 0.35
-    layer: Annotated[int | None, schema.integer_field(minimum=0)] = None
+    label: Annotated[str | None, _TEXT, KeyText("The text over the bar.", "name and unit of the values", "density")] = (
+        None
+    )
+    length: Annotated[
+        float,
+        schema.number_field(minimum=0.05, maximum=0.9, motion=None),
+        KeyText("The length of the bar, as a share of the picture's height."),
+    ] = 0.35
+    layer: Annotated[
+        int | None, schema.integer_field(minimum=0), KeyText("The number of the volume, from 0.", "all", "0")
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,21 +116,29 @@ class TimeSpec(EntrySpec):
         that is shown, and dotted keys of values that move, such as `camera.zoom`.
     """
 
-    format: Annotated[str, schema.FieldType(_FORMAT_WORDS, _parse_format)] = "{seconds:.1f} s"
+    format: Annotated[
+        str,
+        schema.FieldType(_FORMAT_WORDS, _parse_format, plain_schema=schema.of_json_type("string")),
+        KeyText("The text, with `frame`, `seconds`, `time` or a key that moves in braces."),
+    ] = "{seconds:.1f} s"
 
 
 @dataclass(frozen=True, kw_only=True)
 class TitleSpec(EntrySpec):
     """An entry with a fixed line of text."""
 
-    text: Annotated[str, _TEXT]
+    text: Annotated[str, _TEXT, KeyText("The text of the title.", example="Abdomen")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogoSpec(EntrySpec):
     """An entry with a picture from a PNG, JPEG or WebP file."""
 
-    file: Annotated[Path, file_field("a picture: PNG, JPEG or WebP", folder=False)]
+    file: Annotated[
+        Path,
+        file_field("a picture: PNG, JPEG or WebP", folder=False),
+        KeyText("The picture, relative to the scene's file.", example="institute.png"),
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,8 +148,12 @@ class NamesSpec:
     size, color: as of an entry.
     """
 
-    size: Annotated[float | None, _SIZE] = None
-    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
+    size: Annotated[
+        float | None, _SIZE, KeyText("The height of names, as a share of the picture's.", "that of all texts", "0.03")
+    ] = None
+    color: Annotated[Color | Literal["auto"], _COLOR, KeyText("The color of names; `auto`: that of all entries.")] = (
+        "auto"
+    )
 
 
 def _parse_names(node: TreeNode) -> Any:
@@ -135,7 +163,13 @@ def _parse_names(node: TreeNode) -> Any:
 
 
 _NAMES_SECTION = schema.dataclass_field(NamesSpec)
-_NAMES = schema.FieldType[Any]("true, or a mapping", _parse_names, table=_NAMES_SECTION.table)
+_NAMES = schema.FieldType[Any](
+    "true, or a mapping",
+    _parse_names,
+    table=_NAMES_SECTION.table,
+    plain_schema=schema.either(_NAMES_SECTION, schema.BOOLEAN_FIELD),
+    example="true",
+)
 
 
 def _entry(cls: Any, position: Position, size: float | None = None, short: str | None = None) -> schema.FieldType[Any]:
@@ -144,8 +178,12 @@ def _entry(cls: Any, position: Position, size: float | None = None, short: str |
     A scene gives the entry as a mapping, as the value of its key `short` alone or, if no key is required, as true.
     position, size: the default values of these keys.
     """
-    table = schema.field_table(cls)
     defaults: dict[str, Any] = {"position": position, "size": size}
+    table = schema.field_table(cls)
+    for key, value in defaults.items():
+        text = table[key].text
+        if value is not None and text is not None:
+            table[key] = replace(table[key], default=value, text=replace(text, default=""))
     required = [key for key in schema.required_keys(cls) if key not in defaults]
     section = schema.section_field(table, lambda _, given: cls(**defaults | given), required=required)
 
@@ -160,7 +198,14 @@ def _entry(cls: Any, position: Position, size: float | None = None, short: str |
         return value if value is INVALID else cls(**defaults, **{short: value})
 
     words = ["" if required else "true", table[short].expected if short else "", "a mapping"]
-    return schema.FieldType(", or ".join(filter(None, words)), parse, table=section.table)
+    forms = [section, *([table[short]] if short else []), *([] if required else [schema.BOOLEAN_FIELD])]
+    return schema.FieldType(
+        ", or ".join(filter(None, words)),
+        parse,
+        table=section.table,
+        plain_schema=schema.either(*forms),
+        example=schema.example_of(table[short]) if required and short else "true",
+    )
 
 
 @dataclass(frozen=True)
@@ -176,22 +221,57 @@ class AnnotationSpec:
     size: the height of texts whose entries have no size of their own, as a share of the picture's height.
     """
 
-    title: Annotated[TitleSpec | None, _entry(TitleSpec, "top", short="text")] = None
-    logo: Annotated[LogoSpec | None, _entry(LogoSpec, "top-left", 0.12, short="file")] = None
-    time: Annotated[TimeSpec | None, _entry(TimeSpec, "top-right", short="format")] = None
-    legend: Annotated[EntrySpec | None, _entry(EntrySpec, "left")] = None
-    color_bar: Annotated[ColorBarSpec | None, _entry(ColorBarSpec, "right")] = None
-    scale_bar: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-left")] = None
-    accuracy: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-left")] = None
-    orientation: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-right", 0.12)] = None
-    bounds: bool = False
-    octree: bool = False
-    font: Annotated[Path | None, file_field("the file of a font: TrueType or OpenType", folder=False)] = None
+    title: Annotated[TitleSpec | None, _entry(TitleSpec, "top", short="text"), KeyText("A line of text.", "none")] = (
+        None
+    )
+    logo: Annotated[
+        LogoSpec | None, _entry(LogoSpec, "top-left", 0.12, short="file"), KeyText("A picture from a file.", "none")
+    ] = None
+    time: Annotated[
+        TimeSpec | None, _entry(TimeSpec, "top-right", short="format"), KeyText("A line with numbers in it.", "none")
+    ] = None
+    legend: Annotated[
+        EntrySpec | None, _entry(EntrySpec, "left"), KeyText("Names and colors of labels, or of volumes.", "none")
+    ] = None
+    color_bar: Annotated[
+        ColorBarSpec | None,
+        _entry(ColorBarSpec, "right"),
+        KeyText("The colors and opacities of a transfer function, with its values.", "none"),
+    ] = None
+    scale_bar: Annotated[
+        EntrySpec | None, _entry(EntrySpec, "bottom-left"), KeyText("A bar of a round length.", "none")
+    ] = None
+    accuracy: Annotated[
+        EntrySpec | None, _entry(EntrySpec, "bottom-left"), KeyText("The accuracy of the frame.", "none")
+    ] = None
+    orientation: Annotated[
+        EntrySpec | None,
+        _entry(EntrySpec, "bottom-right", 0.12),
+        KeyText("Arrows along the axes of the world.", "none"),
+    ] = None
+    bounds: Annotated[bool, KeyText("Whether lines along the volume's box are drawn, with ticks.")] = False
+    octree: Annotated[bool, KeyText("Whether lines along the edges of the cells are drawn, colored by their size.")] = (
+        False
+    )
+    font: Annotated[
+        Path | None,
+        file_field("the file of a font: TrueType or OpenType", folder=False),
+        KeyText("The file of the font of all texts.", "DejaVu Sans", "NotoSansCJK-Regular.otf"),
+    ] = None
 
-    layout: Literal["beside", "over"] = "beside"
-    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
-    size: Annotated[float, _SIZE] = 0.03
-    names: Annotated[NamesSpec | None, _NAMES] = None
+    layout: Annotated[
+        Literal["beside", "over"],
+        KeyText("`beside`: the object is framed into the room that entries leave. `over`: entries are over it."),
+    ] = "beside"
+    color: Annotated[
+        Color | Literal["auto"],
+        _COLOR,
+        KeyText("The color of all entries; `auto`: dark where the background is light or transparent, else light."),
+    ] = "auto"
+    size: Annotated[float, _SIZE, KeyText("The height of all texts, as a share of the picture's.")] = 0.03
+    names: Annotated[
+        NamesSpec | None, _NAMES, KeyText("The names of labels beside the object, with lines to them.", "none")
+    ] = None
 
     def written(self) -> object:
         """Return the section as a scene file has it: its keys. Defaults of keys that all entries share are left out."""

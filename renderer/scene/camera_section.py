@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 from renderer.scene import schema
 from renderer.scene.message_text import join_words
-from renderer.scene.schema import INVALID, TreeNode, Vector
+from renderer.scene.schema import INVALID, KeyText, TreeNode, Vector
 
 # The longest duration of a camera path, in seconds: a day.
 MAX_SECONDS = 86400.0
@@ -54,10 +54,20 @@ _AXIS = schema.word_or(AXES, direction_field(_AXIS_WORDS), _AXIS_WORDS)
 
 # The types of keys that several kinds of camera path share.
 _NUM_FRAMES = schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)
-NumFrames = Annotated[int, _NUM_FRAMES]
-Axis = Annotated[Vector, _AXIS]
-Angle = Annotated[float, schema.number_field(minimum=-MAX_ANGLE, maximum=MAX_ANGLE)]
-Elevation = Annotated[float, schema.number_field(minimum=-90, maximum=90)]
+NumFrames = Annotated[int, _NUM_FRAMES, KeyText("The number of frames.", example="120")]
+Axis = Annotated[
+    Vector, _AXIS, KeyText("The axis that the camera turns about, or the direction that is up in the picture.")
+]
+_ANGLE = schema.number_field(minimum=-MAX_ANGLE, maximum=MAX_ANGLE)
+Start = Annotated[float, _ANGLE, KeyText("The azimuth at the start, in degrees.")]
+Elevation = Annotated[
+    float,
+    schema.number_field(minimum=-90, maximum=90),
+    KeyText("The height of the camera over the horizon, in degrees.", example="10"),
+]
+# The texts on the keys of two kinds of path: through directions, and of a flight.
+_KEYS_TEXT = "The directions of the camera, or the points of a flight, in a row."
+_EASING_TEXT = "`smooth`: speed changes smoothly at keys, or a flight starts and ends at rest; or `linear`."
 
 
 class _Path:
@@ -76,7 +86,7 @@ class TurntablePath(_Path):
 
     type: ClassVar[str] = "turntable"
     frames: NumFrames
-    start: Angle = 0.0
+    start: Start = 0.0
     elevation: Elevation = 0.0
     axis: Axis = (0.0, 0.0, 1.0)
 
@@ -90,8 +100,10 @@ class RockerPath(_Path):
 
     type: ClassVar[str] = "rocker"
     frames: NumFrames
-    swing: Annotated[float, schema.number_field(above=0, maximum=360)] = 40.0
-    start: Angle = 0.0
+    swing: Annotated[
+        float, schema.number_field(above=0, maximum=360), KeyText("The whole angle that is swept, in degrees.")
+    ] = 40.0
+    start: Start = 0.0
     elevation: Elevation = 0.0
     axis: Axis = (0.0, 0.0, 1.0)
 
@@ -103,10 +115,14 @@ class Keyframe:
     zoom: a factor by which the object is magnified, compared with its size at the camera's `distance`.
     """
 
-    frame: Annotated[int, schema.FRAME_NUMBER_FIELD]
-    azimuth: Angle
+    frame: Annotated[int, schema.FRAME_NUMBER_FIELD, KeyText("The frame of this key.", example="0")]
+    azimuth: Annotated[float, _ANGLE, KeyText("The azimuth of the camera, in degrees.", example="0")]
     elevation: Elevation
-    zoom: Annotated[float, schema.number_field(minimum=MIN_ZOOM, maximum=MAX_ZOOM)] = 1.0
+    zoom: Annotated[
+        float,
+        schema.number_field(minimum=MIN_ZOOM, maximum=MAX_ZOOM),
+        KeyText("The factor by which the object is magnified."),
+    ] = 1.0
 
 
 _KEYS = schema.sequence_field(
@@ -124,9 +140,9 @@ class KeyframePath(_Path):
 
     type: ClassVar[str] = "keyframes"
     frames: NumFrames
-    keys: Annotated[tuple[Keyframe, ...], schema.still(_KEYS)]
-    loop: bool = True
-    easing: Literal["smooth", "linear"] = "smooth"
+    keys: Annotated[tuple[Keyframe, ...], schema.still(_KEYS), KeyText(_KEYS_TEXT)]
+    loop: Annotated[bool, KeyText("Whether the path leads from the last key back to the first.")] = True
+    easing: Annotated[Literal["smooth", "linear"], KeyText(_EASING_TEXT)] = "smooth"
     axis: Axis = (0.0, 0.0, 1.0)
 
 
@@ -149,10 +165,18 @@ class FlightKey:
     frame: the frame, counted from the start of the flight, at which the eye is here; None to keep a constant speed.
     """
 
-    position: Annotated[Vector, schema.POINT_FIELD]
-    target: Annotated[Vector, schema.POINT_FIELD]
-    roll: Angle = 0.0
-    frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
+    position: Annotated[
+        Vector, schema.POINT_FIELD, KeyText("The place of the eye, in world units.", example="[0, -400, 60]")
+    ]
+    target: Annotated[
+        Vector, schema.POINT_FIELD, KeyText("The place that the eye looks at, in world units.", example="[0, 0, 60]")
+    ]
+    roll: Annotated[float, _ANGLE, KeyText("The clockwise turn of the picture, in degrees.")] = 0.0
+    frame: Annotated[
+        int | None,
+        schema.FRAME_NUMBER_FIELD,
+        KeyText("The frame of the flight at which the eye is here.", "at a constant speed", "0"),
+    ] = None
 
 
 def _check_flight_key(node: TreeNode, given: dict[str, Any]) -> None:
@@ -177,8 +201,8 @@ class FlightPath(_Path):
 
     type: ClassVar[str] = "flight"
     frames: NumFrames
-    keys: Annotated[tuple[FlightKey, ...], schema.still(_FLIGHT_KEYS)]
-    easing: Literal["linear", "smooth"] = "linear"
+    keys: Annotated[tuple[FlightKey, ...], schema.still(_FLIGHT_KEYS), KeyText(_KEYS_TEXT)]
+    easing: Annotated[Literal["linear", "smooth"], KeyText(_EASING_TEXT)] = "linear"
     axis: Axis = (0.0, 0.0, 1.0)
 
 
@@ -206,10 +230,29 @@ CameraPath = PathPiece | PathSequence
 _PATHS: dict[str, type[PathPiece]] = {
     cls.type: cls for cls in (TurntablePath, RockerPath, KeyframePath, HoldPath, FlightPath)
 }
-_TYPE: schema.FieldType[Any] = schema.choice_field(*_PATHS)
-_SECONDS = schema.number_field(above=0, maximum=MAX_SECONDS, motion=None)
+
+
+def _merged(tables: Iterable[schema.FieldTable]) -> dict[str, schema.FieldType[Any]]:
+    """Return the types of the keys in all tables. Where two types differ, it is the first, with the keys of both."""
+    found: dict[str, schema.FieldType[Any]] = {}
+    for key, field in (pair for table in tables for pair in table.items()):
+        first = found.setdefault(key, field)
+        if first.table and field.table:
+            found[key] = replace(first, table=_merged([first.table, field.table]))
+    return found
+
+
+_TYPE: schema.FieldType[Any] = schema.described(
+    schema.choice_field(*_PATHS),
+    "The kind of path: a turn, to and fro, through directions, a rest, or a flight of the eye through points.",
+)
+_SECONDS = schema.described(
+    schema.number_field(above=0, maximum=MAX_SECONDS, motion=None),
+    "The duration, in seconds, in place of `frames`.",
+    example="4",
+)
 _PATH_FIELDS = {name: {"type": _TYPE, **schema.field_table(cls), "seconds": _SECONDS} for name, cls in _PATHS.items()}
-_PATH_KEYS = {key: field for table in _PATH_FIELDS.values() for key, field in table.items()}
+_PATH_KEYS = _merged(_PATH_FIELDS.values())
 # For each key of a path, the hint for a path of a type that lacks this key. It names the types that have the key.
 _OWNERS = {
     key: f"{key} belongs to type: {join_words(name for name, table in _PATH_FIELDS.items() if key in table)}"
@@ -268,8 +311,33 @@ def _check_keys(node: TreeNode, keys: object, num_frames: object) -> None:
         schema.check_frames_ascend(place, before, frame)
 
 
+_LENGTHS = ("frames", "seconds")
+_ONE_LENGTH = schema.Alternatives([_LENGTHS], [_LENGTHS])
+
+
+def _piece_table(name: str) -> schema.FieldTable:
+    """Return the types of the keys of a path of one type. Its `type` is that alone."""
+    required = {"type", *schema.required_keys(_PATHS[name])} - {*_LENGTHS}
+    table = {key: replace(field, is_needed=key in required) for key, field in _PATH_FIELDS[name].items()}
+    return table | {"type": replace(table["type"], plain_schema=lambda _moves: {"const": name}, example=name)}
+
+
+_PIECES = {name: _piece_table(name) for name in _PATHS}
+# An example of a path of each type.
+PATH_EXAMPLES = tuple(schema.mapping_example(table, _ONE_LENGTH) for table in _PIECES.values())
+
+
+def _path_schema(moves: bool) -> schema.JsonSchema:
+    piece = schema.any_of(*(schema.mapping_schema(table, _ONE_LENGTH, moves=moves) for table in _PIECES.values()))
+    return schema.any_of(piece, {"type": "array", "items": piece, "minItems": 1})
+
+
 _PATH = schema.FieldType(
-    f"a mapping with type: {join_words(_PATHS)}, and frames; or a list of such", _parse_path, table=_PATH_KEYS
+    f"a mapping with type: {join_words(_PATHS)}, and frames; or a list of such",
+    _parse_path,
+    table=_PATH_KEYS,
+    plain_schema=_path_schema,
+    example=PATH_EXAMPLES[0],
 )
 
 _TARGET = schema.word_or({"visible": "visible"}, schema.POINT_FIELD, f"{schema.POINT_FIELD.expected}, or visible")
@@ -295,15 +363,55 @@ class CameraSpec:
     follow: see `target`. loop: with `ping-pong`, the camera goes along its path and back again.
     """
 
-    path: Annotated[CameraPath, _PATH]
-    projection: Literal["perspective", "orthographic"] = "perspective"
-    field_of_view: Annotated[float, schema.number_field(minimum=MIN_FIELD_OF_VIEW, maximum=MAX_FIELD_OF_VIEW)] = 30.0
-    target: Annotated[Vector | Literal["visible"] | None, _TARGET] = None
-    distance: Annotated[float | None, schema.LENGTH_FIELD] = None
-    near: Annotated[float, schema.number_field(minimum=0, maximum=schema.MAX_WORLD_LENGTH)] = 0.0
-    shift: Annotated[tuple[float, float] | None, _SHIFT] = None
-    follow: bool = False
-    loop: Literal["restart", "ping-pong"] = "restart"
+    path: Annotated[CameraPath, _PATH, KeyText("The way of the camera: one path, or a list of paths in a row.")]
+    projection: Annotated[
+        Literal["perspective", "orthographic"],
+        KeyText("`orthographic` shows as much height as perspective does at the target, without foreshortening."),
+    ] = "perspective"
+    field_of_view: Annotated[
+        float,
+        schema.number_field(minimum=MIN_FIELD_OF_VIEW, maximum=MAX_FIELD_OF_VIEW),
+        KeyText("The vertical angle of view, in degrees."),
+    ] = 30.0
+    target: Annotated[
+        Vector | Literal["visible"] | None,
+        _TARGET,
+        KeyText(
+            "The point that the camera looks at, in world units; `visible`: the centre of what is visible.",
+            "the centre of the volume",
+            "visible",
+        ),
+    ] = None
+    distance: Annotated[
+        float | None,
+        schema.LENGTH_FIELD,
+        KeyText(
+            "The distance from the eye to the target, in world units.",
+            "everything visible fits the frame on the whole path",
+            "716",
+        ),
+    ] = None
+    near: Annotated[
+        float,
+        schema.number_field(minimum=0, maximum=schema.MAX_WORLD_LENGTH),
+        KeyText("Nothing nearer to the plane of the eye than this is drawn, in world units."),
+    ] = 0.0
+    shift: Annotated[
+        tuple[float, float] | None,
+        _SHIFT,
+        KeyText(
+            "How far the target is to the right and up of the picture's middle, as shares of its width and height.",
+            "the middle of the room that `annotation` leaves, or of the picture where `distance` is given",
+            "[0.1, 0]",
+        ),
+    ] = None
+    follow: Annotated[
+        bool,
+        KeyText("With `target: visible`: whether the target is the centre of each frame, and not of the whole film."),
+    ] = False
+    loop: Annotated[
+        Literal["restart", "ping-pong"], KeyText("`ping-pong`: the camera goes along its path and back.")
+    ] = "restart"
 
     @property
     def num_frames(self) -> int:

@@ -9,9 +9,11 @@ from typing import Annotated, Any, Literal
 from renderer.scene import schema
 from renderer.scene.camera_section import direction_field
 from renderer.scene.message_text import format_value
-from renderer.scene.schema import TreeNode, Vector
+from renderer.scene.schema import KeyText, TreeNode, Vector
 from renderer.scene.splat_section import SplatSpec
 
+# The keys of an entry of `clip` that say what clips.
+_SHAPES = ("plane", "box")
 # The largest number of clip planes and clip boxes together, in the `clip` of a scene or of a layer.
 MAX_CLIPS = 6
 
@@ -36,8 +38,12 @@ _BOX = schema.sequence_field(
 class PlaneSpec:
     """A clip plane; `normal` points to the side that is clipped away."""
 
-    point: Annotated[Vector, schema.POINT_FIELD]
-    normal: Annotated[Vector, direction_field("[x, y, z], not all 0: to the side that is clipped away")]
+    point: Annotated[Vector, schema.POINT_FIELD, KeyText("A point of the plane.", example="[128, 128, 64]")]
+    normal: Annotated[
+        Vector,
+        direction_field("[x, y, z], not all 0: to the side that is clipped away"),
+        KeyText("The direction to the side that is clipped away.", example="[0, 0, 1]"),
+    ]
 
 
 @dataclass(frozen=True)
@@ -50,10 +56,23 @@ class ClipSpec:
     invert: whether to keep the part that would be clipped away, and to clip the other part.
     """
 
-    plane: PlaneSpec | None = None
-    box: Annotated[tuple[Vector, Vector] | None, _BOX] = None
-    fixed: Literal["object", "camera"] = "object"
-    invert: bool = False
+    plane: Annotated[PlaneSpec | None, KeyText("A plane, one side of which is clipped away.")] = None
+    box: Annotated[
+        tuple[Vector, Vector] | None,
+        _BOX,
+        KeyText(
+            "The lowest and the highest corner of a box, whose inside is clipped away.",
+            example="[[0, 0, 64], [100, 130, 128]]",
+        ),
+    ] = None
+    fixed: Annotated[
+        Literal["object", "camera"],
+        KeyText(
+            "`object`: it turns with the object, in world axes. `camera`: it stays in front of the viewer, in the "
+            "camera's axes, from the camera's target."
+        ),
+    ] = "object"
+    invert: Annotated[bool, KeyText("Whether the other side is clipped away.")] = False
 
 
 def _check_clip(node: TreeNode, given: dict[str, Any]) -> None:
@@ -70,7 +89,7 @@ def _check_number(node: TreeNode, clip: tuple[Any, ...]) -> Any:
 
 
 CLIP_SECTION = schema.sequence_field(
-    schema.dataclass_field(ClipSpec, _check_clip),
+    schema.dataclass_field(ClipSpec, _check_clip, schema.Alternatives([_SHAPES], [_SHAPES])),
     f"a list of at most {MAX_CLIPS} mappings with plane or box",
     may_be_empty=True,
     check=_check_number,

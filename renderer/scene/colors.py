@@ -8,7 +8,7 @@ from typing import Any
 
 from renderer.scene import schema
 from renderer.scene.message_text import did_you_mean
-from renderer.scene.schema import TreeNode
+from renderer.scene.schema import Color, JsonSchema, TreeNode
 
 COLOR_NAMES = {
     "black": "#000000",
@@ -33,8 +33,10 @@ COLOR_NAMES = {
     "pink": "#ffc0cb",
 }
 
-_HEX = re.compile(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
+_HEX_PATTERN = "^#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})$"
+_HEX = re.compile(_HEX_PATTERN)
 _PART = schema.number_field(minimum=0, maximum=1)
+_RGB = schema.sequence_field(_PART, "", count=3)
 
 
 def _parse_color(node: TreeNode) -> Any:
@@ -45,14 +47,25 @@ def _parse_color(node: TreeNode) -> Any:
     text = COLOR_NAMES.get(node.value.lower(), node.value)
     if not _HEX.fullmatch(text):
         return node.reject("not a color", hint=did_you_mean(text.lower(), COLOR_NAMES))
+    return _from_hex(text)
+
+
+def _from_hex(text: str) -> Color:
     digits = text[1:] if len(text) == 7 else "".join(2 * digit for digit in text[1:])
-    return tuple(part / 255 for part in bytes.fromhex(digits))
+    red, green, blue = (part / 255 for part in bytes.fromhex(digits))
+    return red, green, blue
 
 
 def _parse_rgb(node: TreeNode, parts: Sequence[Any]) -> Any:
     if len(parts) == 3 and all(isinstance(part, int) for part in parts) and 1 < max(parts) <= 255 and min(parts) >= 0:
         return node.reject("not a color", hint=f'write it as "#{bytes(parts).hex()}"')
-    return schema.sequence_field(_PART, "", count=3).parser(node)
+    return _RGB.parser(node)
+
+
+def _color_schema(moves: bool) -> JsonSchema:
+    return schema.any_of(
+        {"enum": [*COLOR_NAMES]}, {"type": "string", "pattern": _HEX_PATTERN}, _RGB.plain_schema(moves)
+    )
 
 
 COLOR_FIELD = schema.FieldType(
@@ -60,4 +73,7 @@ COLOR_FIELD = schema.FieldType(
     _parse_color,
     'a color that begins with # needs quotes: "#ff8800"',
     motion="linear",
+    plain_schema=_color_schema,
+    words={name: _from_hex(text) for name, text in COLOR_NAMES.items()},
+    example="white",
 )

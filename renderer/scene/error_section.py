@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from renderer.scene import schema
 from renderer.scene.message_text import format_value, join_words
 from renderer.scene.motion import Motion, motion_to_dict
-from renderer.scene.schema import INVALID, TreeNode
+from renderer.scene.schema import INVALID, KeyText, TreeNode
 
 # The smallest tolerance above 0. Float64 holds numbers below 2e-308 with fewer digits, so that tolerances interpolated
 # between them would be inexact.
@@ -85,10 +85,24 @@ class ErrorSpec:
     """
 
     tolerance: float | Motion[float] = 0.1
-    measure: Literal["optical", "rms"] = "optical"
-    of: Literal["classified", "scalar"] = "classified"
-    finest_level: Annotated[int, schema.integer_field(minimum=0, maximum=MAX_LEVEL)] = 0
-    probes: Annotated[int | None, _PROBES] = None
+    measure: Annotated[
+        Literal["optical", "rms"],
+        KeyText("`optical`: errors are shares of a pixel that a cell can change. `rms`: the paper's root mean square."),
+    ] = "optical"
+    of: Annotated[
+        Literal["classified", "scalar"],
+        KeyText("With `rms`: whether errors are of the classified values, or of the scalar, in its unit."),
+    ] = "classified"
+    finest_level: Annotated[
+        int,
+        schema.integer_field(minimum=0, maximum=MAX_LEVEL),
+        KeyText("Cells are at least 2^finest_level voxels wide: 3 draws none smaller than 8 x 8 x 8."),
+    ] = 0
+    probes: Annotated[
+        int | None,
+        _PROBES,
+        KeyText("The pixels of a frame whose exact rays measure its accuracy; `auto`: 16 at 512 x 512; 0: none."),
+    ] = None
     goal: SplatBudget | TimeBudget | MetricTarget | None = None
 
     def written(self) -> dict[str, object]:
@@ -113,8 +127,14 @@ def _parse_number(node: TreeNode) -> Any:
     return node.reject("out of range", expected=f"0, or a number of at least {format_value(MIN_TOLERANCE)}")
 
 
+def _tolerance_schema(_moves: bool) -> schema.JsonSchema:
+    return schema.any_of({"const": 0}, {"type": "number", "minimum": MIN_TOLERANCE})
+
+
 _NOT_NEGATIVE = schema.number_field(minimum=0)
-TOLERANCE_FIELD: schema.FieldType[Any] = schema.FieldType(_NOT_NEGATIVE.expected, _parse_number, motion="ratio")
+TOLERANCE_FIELD: schema.FieldType[Any] = schema.FieldType(
+    _NOT_NEGATIVE.expected, _parse_number, motion="ratio", plain_schema=_tolerance_schema
+)
 _SPLATS_HINT = "1 is the whole volume as one splat; tolerance: 0 has no limit"
 _SECONDS_HINT = "it is the time for each frame; the quickest is splats: 1"
 _PSNR_HINT = "it is in decibels, the more the better: at 30 flaws are seen, at 40 hardly any"
@@ -122,11 +142,31 @@ _RMSE_HINT = "nothing is as exact as that; tolerance: 0 draws every voxel"
 
 # The keys that set the accuracy, with their types. An `error` section has at most one of them.
 _SCHEDULES: dict[str, schema.FieldType[Any]] = {
-    "tolerance": TOLERANCE_FIELD,
-    "splats": schema.integer_field(minimum=1, maximum=MAX_SPLATS, zero_hint=_SPLATS_HINT, motion="ratio"),
-    "seconds": schema.number_field(minimum=MIN_SECONDS, maximum=LONGEST_S, zero_hint=_SECONDS_HINT, motion="ratio"),
-    "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT, motion=None),
-    "rmse": schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT, motion=None),
+    "tolerance": schema.described(
+        TOLERANCE_FIELD,
+        "The error below which cells are drawn as one; 0 draws every visible voxel.",
+        default=ErrorSpec.tolerance,
+    ),
+    "splats": schema.described(
+        schema.integer_field(minimum=1, maximum=MAX_SPLATS, zero_hint=_SPLATS_HINT, motion="ratio"),
+        "In place of `tolerance`: the most bricks of a frame, or cells where splats are drawn.",
+        example="200",
+    ),
+    "seconds": schema.described(
+        schema.number_field(minimum=MIN_SECONDS, maximum=LONGEST_S, zero_hint=_SECONDS_HINT, motion="ratio"),
+        "In place of `tolerance`: the time in which this machine draws each frame.",
+        example="0.5",
+    ),
+    "psnr": schema.described(
+        schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT, motion=None),
+        "In place of `tolerance`: how near the whole film is to the truth, in dB.",
+        example="40",
+    ),
+    "rmse": schema.described(
+        schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT, motion=None),
+        "In place of `tolerance`: the root of the mean squared difference of colors, from 0 to 1, to the truth.",
+        example="0.01",
+    ),
 }
 # The goal that each key of _SCHEDULES stands for. The key `tolerance` stands for no goal.
 _GOALS: dict[str, Any] = {
@@ -155,4 +195,6 @@ def _build_error(node: TreeNode, given: dict[str, Any]) -> ErrorSpec:
     return ErrorSpec(**rest)
 
 
-ERROR_SECTION = schema.section_field(_SCHEDULES | schema.field_table(ErrorSpec), _build_error)
+ERROR_SECTION = schema.section_field(
+    _SCHEDULES | schema.field_table(ErrorSpec), _build_error, alternatives=schema.Alternatives([_SCHEDULES])
+)

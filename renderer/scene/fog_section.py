@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.mode_section import ModeSpec
-from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.schema import INVALID, Color, KeyText, TreeNode
 from renderer.scene.splat_section import SplatSpec
 
 
@@ -31,8 +31,16 @@ class FogSpec:
         in between. Depths are measured along the viewing direction from the camera's target, away from the eye.
     """
 
-    range: Annotated[tuple[float, float], _RANGE]
-    color: Annotated[Color, COLOR_FIELD] = (0.0, 0.0, 0.0)
+    range: Annotated[
+        tuple[float, float],
+        _RANGE,
+        KeyText(
+            "The depths between which matter takes on the fog's color, in world units from the camera's target away "
+            "from the eye: none at the first, all at the second.",
+            example="[-20, 60]",
+        ),
+    ]
+    color: Annotated[Color, COLOR_FIELD, KeyText("The color of the fog.")] = (0.0, 0.0, 0.0)
 
 
 def check_fog(node: TreeNode, given: Mapping[str, Any]) -> None:

@@ -11,7 +11,14 @@ from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.schema import INVALID, Color, TreeNode
 from renderer.scene.volume_files import file_field
-from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT_TRANSFER, VolumeSpec, build_volume
+from renderer.scene.volume_section import (
+    SOURCES,
+    TRANSFORM_FIELD,
+    VOLUME_TABLE,
+    WITHOUT_TRANSFER,
+    VolumeSpec,
+    build_volume,
+)
 
 # The number or the name of a label.
 LabelKey = int | str
@@ -103,7 +110,9 @@ def _parse_label(node: TreeNode) -> Any:
     return number if number is not None and abs(number) <= MAX_LABEL else node.reject("not a label")
 
 
-_LABEL = schema.FieldType("the number or the name of a label", _parse_label)
+_LABEL = schema.FieldType(
+    "the number or the name of a label", _parse_label, plain_schema=lambda _moves: {"type": ["integer", "string"]}
+)
 
 
 def _by_label(
@@ -127,7 +136,11 @@ def _by_label(
             pairs[label] = item.read(node.child(key, value))
         return INVALID if INVALID in pairs or INVALID in pairs.values() else tuple(pairs.items())
 
-    return schema.FieldType(expected, parse)
+    def shape(moves: bool) -> schema.JsonSchema:
+        by_label = {"type": "object", "minProperties": 1, "additionalProperties": item.schema(moves)}
+        return by_label if other is None else schema.any_of(other.plain_schema(moves), by_label)
+
+    return schema.FieldType(expected, parse, plain_schema=shape)
 
 
 _PART = schema.number_field(minimum=0, maximum=1)
@@ -135,13 +148,30 @@ _COLORS = _by_label(COLOR_FIELD, "auto, table, or a mapping from labels to color
 _NAMES = "the file of a table of labels, or a mapping from numbers to names"
 _LABELS = schema.sequence_field(_LABEL, "a list of labels, by number or by name")
 _CHOICE: schema.FieldTable = {
-    "show": _LABELS,
-    "hide": _LABELS,
-    "names": _by_label(schema.text_field("a name", "no name", str.strip), _NAMES, file_field(_NAMES, folder=False)),
+    "show": schema.described(
+        _LABELS, "The labels that are shown, by number or by name.", words="all but 0", example="[3, thalamus]"
+    ),
+    "hide": schema.described(_LABELS, "Labels that are not shown.", words="none", example="[7]"),
+    "names": schema.described(
+        _by_label(schema.text_field("a name", "no name", str.strip), _NAMES, file_field(_NAMES, folder=False)),
+        "The file of a table of labels, or the names of numbers, such as {3: putamen}.",
+        words="the table in the volume's file, or beside it",
+        example="labels.ctbl",
+    ),
 }
 LABELS_TABLE: schema.FieldTable = {
-    "colors": schema.word_or({"auto": "auto", "table": "table"}, _COLORS, _COLORS.expected),
-    "opacity": _by_label(_PART, "a number from 0 to 1, or a mapping from labels to such numbers", _PART),
+    "colors": schema.described(
+        schema.word_or({"auto": "auto", "table": "table"}, _COLORS, _COLORS.expected),
+        "The colors of labels. `auto`: as different as possible. `table`: from the table of labels.",
+        words="from a table, else auto",
+        example='{3: red, thalamus: "#3cb371"}',
+    ),
+    "opacity": schema.described(
+        _by_label(_PART, "a number from 0 to 1, or a mapping from labels to such numbers", _PART),
+        "The opacity of matter as thick as `unit`: one for all labels, or by label, such as {3: 0.2}.",
+        words="from a table, else 1",
+        example="1",
+    ),
     **_CHOICE,
 }
 
@@ -196,6 +226,16 @@ def _build_mask(node: TreeNode, given: dict[str, Any]) -> Any:
     return MaskSpec(name, labels)
 
 
+_MASK_SOURCES = (*next(iter(SOURCES.one_of)), "name")
 MASK_SECTION = schema.section_field(
-    {**VOLUME_TABLE, **_CHOICE, "name": _MASK_NAME, "transform": TRANSFORM_FIELD}, _build_mask
+    {
+        **VOLUME_TABLE,
+        **_CHOICE,
+        "name": schema.described(
+            _MASK_NAME, "The name of an entry of `volumes`, whose volume is the mask.", example="CT"
+        ),
+        "transform": TRANSFORM_FIELD,
+    },
+    _build_mask,
+    alternatives=schema.Alternatives([_MASK_SOURCES], [_MASK_SOURCES]),
 )

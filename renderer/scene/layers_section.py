@@ -27,7 +27,14 @@ from renderer.scene.transfer_section import (
     TransferSpec,
     check_colors_given,
 )
-from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT_TRANSFER, VolumeSpec, build_volume
+from renderer.scene.volume_section import (
+    SOURCES,
+    TRANSFORM_FIELD,
+    VOLUME_TABLE,
+    WITHOUT_TRANSFER,
+    VolumeSpec,
+    build_volume,
+)
 
 # The largest factor on a layer's extinction.
 MAX_WEIGHT = 1e6
@@ -122,17 +129,34 @@ class SharedKeys:
 
 
 _OWN_TABLE: schema.FieldTable = {
-    "name": schema.text_field("a name", "no name", str.strip),
-    "transfer_function": TRANSFER_FUNCTION_SECTION,
-    "labels": LABELS_FIELD,
-    "color": COLOR_FIELD,
-    "range": VALUE_RANGE_FIELD,
+    "name": schema.described(
+        schema.text_field("a name", "no name", str.strip),
+        "The name of the volume, in legends and for masks.",
+        words="no name",
+        example="CT",
+    ),
+    "transfer_function": schema.described(TRANSFER_FUNCTION_SECTION, "The colors and opacities of the values."),
+    "labels": schema.described(LABELS_FIELD, "In place of `transfer_function`: the labels of a segmentation."),
+    "color": schema.described(
+        COLOR_FIELD,
+        "In place of `transfer_function`: nothing at the first value of `range`, this color at the second.",
+        example='"#ff8000"',
+    ),
+    "range": schema.described(VALUE_RANGE_FIELD, "With `color`: its two values.", example="[100, 2000]"),
     "transform": TRANSFORM_FIELD,
-    "weight": schema.number_field(minimum=0, maximum=MAX_WEIGHT),
-    "shading": schema.dataclass_field(ShadingSpec),
-    "clip": CLIP_SECTION,
-    "mask": MASK_SECTION,
+    "weight": schema.described(
+        schema.number_field(minimum=0, maximum=MAX_WEIGHT), "A factor on the volume's extinction.", default=1
+    ),
+    "shading": schema.described(
+        schema.dataclass_field(ShadingSpec), "The light on this volume.", words="the scene's shading"
+    ),
+    "clip": schema.described(
+        CLIP_SECTION, "Planes and boxes that clip this volume, besides the scene's.", words="none"
+    ),
+    "mask": schema.described(MASK_SECTION, "The mask of this volume.", words="the scene's mask"),
 }
+# The keys of an entry of the list that say how its values look.
+_LOOKS = ("transfer_function", "labels", "color")
 
 
 def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
@@ -224,7 +248,11 @@ def _named_mask(node: TreeNode, mask: Any, layers: Mapping[str, LayerSpec]) -> A
 
 
 _LIST = schema.sequence_field(
-    schema.section_field({**VOLUME_TABLE, **_OWN_TABLE}, _build_layer),
+    schema.section_field(
+        {**VOLUME_TABLE, **_OWN_TABLE},
+        _build_layer,
+        alternatives=schema.Alternatives([*SOURCES.one_of, _LOOKS], SOURCES.needed),
+    ),
     "a list of volumes, each with a transfer_function",
 )
 

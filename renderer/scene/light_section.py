@@ -11,7 +11,7 @@ from renderer.scene.camera_section import direction_field
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.message_text import join_words
 from renderer.scene.mode_section import ModeSpec
-from renderer.scene.schema import INVALID, Color, TreeNode, Vector
+from renderer.scene.schema import INVALID, Color, KeyText, TreeNode, Vector
 from renderer.scene.shading_section import MAX_SHININESS, ShadingSpec, refuse_larger_cells
 from renderer.scene.splat_section import SplatSpec
 
@@ -37,9 +37,9 @@ class EnvironmentSpec:
     top, horizon, bottom: the colours at `up`, across it, and opposite to it; a quadratic in the cosine in between.
     """
 
-    top: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
-    horizon: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
-    bottom: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
+    top: Annotated[Color, _COLOR, KeyText("The color of the environment at `up`.")] = (1.0, 1.0, 1.0)
+    horizon: Annotated[Color, _COLOR, KeyText("The color of the environment across `up`.")] = (1.0, 1.0, 1.0)
+    bottom: Annotated[Color, _COLOR, KeyText("The color of the environment opposite to `up`.")] = (1.0, 1.0, 1.0)
 
 
 # The environments that have a name.
@@ -61,7 +61,11 @@ def _parse_environment(node: TreeNode) -> Any:
 
 
 _ENVIRONMENT = schema.FieldType(
-    f"{join_words(ENVIRONMENTS)}, or a mapping with top, horizon and bottom", _parse_environment, table=_COLORS.table
+    f"{join_words(ENVIRONMENTS)}, or a mapping with top, horizon and bottom",
+    _parse_environment,
+    table=_COLORS.table,
+    plain_schema=schema.either(_NAME, _COLORS),
+    words=ENVIRONMENTS,
 )
 
 
@@ -74,10 +78,20 @@ class KeySpec:
     strength: 1 lights a surface that faces the light as much as an even white sky does.
     """
 
-    direction: Annotated[Vector | Literal["camera"], _DIRECTION] = (1.0, -1.0, 1.0)
-    color: Annotated[Color, _COLOR] = (1.0, 1.0, 1.0)
-    strength: Annotated[float, _STRENGTH] = 1.0
-    radius: Annotated[float, _RADIUS] = 14.0
+    direction: Annotated[
+        Vector | Literal["camera"],
+        _DIRECTION,
+        KeyText("The direction from the object to the key light; `camera`: light from the viewer."),
+    ] = (1.0, -1.0, 1.0)
+    color: Annotated[Color, _COLOR, KeyText("The color of the key light.")] = (1.0, 1.0, 1.0)
+    strength: Annotated[
+        float,
+        _STRENGTH,
+        KeyText("The strength of the key light: 1 lights a surface as much as an even white sky does."),
+    ] = 1.0
+    radius: Annotated[
+        float, _RADIUS, KeyText("The angular radius of the key light, in degrees: a larger one makes softer shadows.")
+    ] = 14.0
 
 
 _SHARE = schema.still(schema.number_field(minimum=0, maximum=1))
@@ -120,14 +134,26 @@ class LightSpec:
         of the visible matter are at most as bright as in even white light.
     """
 
-    environment: Annotated[EnvironmentSpec, _ENVIRONMENT] = ENVIRONMENTS["studio"]
-    up: Annotated[Vector, _UP] = (0.0, 0.0, 1.0)
-    key: KeySpec | None = None
-    scattering: Annotated[float, _SHARE] = 1.0
-    surface: Annotated[float, _SHARE] = 0.0
-    specular: Annotated[float, _SHARE] = 0.0
-    shininess: Annotated[float, _SHININESS] = 32.0
-    exposure: Annotated[float | None, _EXPOSURE] = None
+    environment: Annotated[
+        EnvironmentSpec,
+        _ENVIRONMENT,
+        KeyText("The surroundings that light comes from in all directions: a name, or three colors."),
+    ] = ENVIRONMENTS["studio"]
+    up: Annotated[Vector, _UP, KeyText("The direction to the top of the environment.")] = (0.0, 0.0, 1.0)
+    key: Annotated[KeySpec | None, KeyText("A lamp that turns with the object.", "no key light")] = None
+    scattering: Annotated[
+        float, _SHARE, KeyText("How strongly matter scatters light on its way; 0: matter only shadows.")
+    ] = 1.0
+    surface: Annotated[
+        float, _SHARE, KeyText("How much of a boundary reflects light as a surface: 0.8 shows folds and edges.")
+    ] = 0.0
+    specular: Annotated[float, _SHARE, KeyText("The strength of highlights of the key light on surfaces.")] = 0.0
+    shininess: Annotated[float, _SHININESS, KeyText("The exponent of highlights: a larger one makes them smaller.")] = (
+        32.0
+    )
+    exposure: Annotated[
+        float | None, _EXPOSURE, KeyText("The brightness of the whole film, in stops: 1 is twice as bright as 0.")
+    ] = None
 
     @property
     def surfaces(self) -> SurfaceSpec | None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from renderer.scene import schema
 from renderer.scene.message_text import join_words
-from renderer.scene.schema import INVALID, TreeNode
+from renderer.scene.schema import INVALID, KeyText, TreeNode
 from renderer.scene.transfer_section import check_opacities
 
 ModeName = Literal["emission_absorption", "maximum", "minimum", "mean", "attenuation"]
@@ -44,10 +44,28 @@ class ModeSpec:
         to 1 farthest, and makes it as bright as its value.
     """
 
-    type: Annotated[ModeName, schema.choice_field(*MODE_NAMES, aliases=_ALIASES)] = "emission_absorption"
-    scale: Annotated[float | None, schema.number_field(above=0)] = None
-    zero: Annotated[float | None, schema.number_field()] = None
-    color_by: Literal["value", "depth"] = "value"
+    type: Annotated[
+        ModeName,
+        schema.choice_field(*MODE_NAMES, aliases=_ALIASES),
+        KeyText("How a ray makes a color of the values that it passes."),
+    ] = "emission_absorption"
+    scale: Annotated[
+        float | None,
+        schema.number_field(above=0),
+        KeyText(
+            "With `attenuation`, which needs it: the attenuation of a value 1 above `zero` by a world unit.",
+            example="0.00002",
+        ),
+    ] = None
+    zero: Annotated[
+        float | None,
+        schema.number_field(),
+        KeyText("With `attenuation`, which needs it: the value up to which nothing attenuates.", example="0"),
+    ] = None
+    color_by: Annotated[
+        Literal["value", "depth"],
+        KeyText("With `maximum`: whether a ray is colored by its maximum, or by the depth where it lies."),
+    ] = "value"
 
     @property
     def is_projection(self) -> bool:
@@ -93,7 +111,12 @@ def _parse_mode(node: TreeNode) -> Any:
     return ModeSpec(name)
 
 
-MODE_SECTION = schema.FieldType(f"{join_words(MODE_NAMES)}, or a mapping with type", _parse_mode, table=_SECTION.table)
+MODE_SECTION = schema.FieldType(
+    f"{join_words(MODE_NAMES)}, or a mapping with type",
+    _parse_mode,
+    table=_SECTION.table,
+    plain_schema=schema.either(_NAME, _SECTION),
+)
 
 
 def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:

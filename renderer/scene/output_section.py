@@ -15,24 +15,15 @@ from renderer.scene.input_file import place_name, place_of
 from renderer.scene.message_text import did_you_mean, format_value, join_words
 from renderer.scene.motion import Motion, at_keys, value_at
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
-from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.picture_size import DPI_FIELD, MAX_SIDE, SIZE_FIELD, PaperSize
+from renderer.scene.schema import INVALID, Color, KeyText, TreeNode
 
 # The field of a file's name that the frame's number replaces, such as {frame:04}. Zeros before the number fill it to at
 # most nine digits, so that names sort in frame order.
 FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
-# The largest width or height of a picture, in pixels.
-MAX_SIDE = 16384
 # The keys of an output that choose and set its encoder. An output of another format cannot take them over.
 _ENCODER_KEYS = ("codec", "crf", "pixel_format")
-# The smallest and largest resolution of a printed picture, in pixels per inch.
-_MIN_DPI, _MAX_DPI = 1, 10000
-# The units of printed lengths, in inches.
-_INCHES = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "pt": 1 / 72}
-# A printed length, such as `85 mm`: at most nine digits before the point and after it.
-_LENGTH = re.compile(r"([0-9]{1,9}(?:\.[0-9]{1,9})?) ?(mm|cm|in|pt)")
-# The height of a printed picture without a height of its own, as a share of its width.
-_PAPER_RATIO = 0.75
 # The best quality.
 MAX_QUALITY = 10.0
 # The coarsest constant rate factor of any encoder.
@@ -77,6 +68,11 @@ def _parse_background(node: TreeNode) -> Any:
     return INVALID if INVALID in ends.values() else (ends["top"], ends["bottom"])
 
 
+def _gradient_schema(moves: bool) -> schema.JsonSchema:
+    ends = {key: replace(field, is_needed=True) for key, field in _GRADIENT.items()}
+    return schema.mapping_schema(ends, moves=moves)
+
+
 def _written_background(background: Background) -> Any:
     """Return a background as it is written in a scene: a word, a color, or a mapping with the ends of a gradient."""
     if background is None:
@@ -84,55 +80,22 @@ def _written_background(background: Background) -> Any:
     return dict(zip(_GRADIENT, background, strict=True)) if isinstance(background[0], tuple) else background
 
 
-OUTPUT_FILE_FIELD = schema.FieldType(_FILE_WORDS, _parse_file)
-_PIXELS = schema.sequence_field(
-    schema.integer_field(minimum=1, maximum=MAX_SIDE),
-    f"[width, height]: two whole numbers from 1 to {MAX_SIDE}, or {{width: 85 mm, dpi: 300}}",
-    count=2,
-)
-_DPI = schema.number_field(minimum=_MIN_DPI, maximum=_MAX_DPI, motion=None)
+OUTPUT_FILE_FIELD = schema.FieldType(_FILE_WORDS, _parse_file, plain_schema=schema.of_json_type("string"))
 
 
-class PaperSize(NamedTuple):
-    """The size of a printed picture: its width and height in inches, and its resolution in pixels per inch.
-
-    height: None for three quarters of the width. dpi: None for that of the output.
-    """
-
-    width: float
-    height: float | None = None
-    dpi: float | None = None
-
-    def pixels(self, dpi: float) -> tuple[int, int]:
-        """Return the size in pixels, at a resolution."""
-        height = _PAPER_RATIO * self.width if self.height is None else self.height
-        return round(self.width * dpi), round(height * dpi)
-
-
-def _parse_length(node: TreeNode) -> Any:
-    found = _LENGTH.fullmatch(node.value) if isinstance(node.value, str) else None
-    if found is None:
-        return node.reject("not a length with its unit")
-    return float(found[1]) * _INCHES[found[2]]
-
-
-_PRINTED = schema.FieldType[Any]("a length such as 85 mm, 8.5 cm, 3.35 in or 240 pt", _parse_length)
-_PAPER = {"width": _PRINTED, "height": _PRINTED, "dpi": _DPI}
-
-
-def _parse_size(node: TreeNode) -> Any:
-    if not isinstance(node.value, Mapping) or not any(str(key).isalpha() for key in node.value):
-        return _PIXELS.parser(node)  # also of a map from frames, as a size cannot move
-    given = schema.read_fields(node, _PAPER, required=["width"])
-    return INVALID if INVALID in given.values() else PaperSize(**given)
-
-
-_SIZE = replace(_PIXELS, parser=_parse_size)
 _BACKGROUND_WORDS = f"{COLOR_FIELD.expected}, transparent, or {{top, bottom}} with two colors"
 _COLOR_OR_NONE = schema.word_or({"transparent": None}, COLOR_FIELD, _BACKGROUND_WORDS)
-_GRADIENT = dict.fromkeys(("top", "bottom"), COLOR_FIELD)
-_BACKGROUND = replace(_COLOR_OR_NONE, parser=_parse_background)
-_FRAME = schema.FieldType[Any]("a frame, -1 for the last one, or seconds such as 2.5s", schema.read_frame)
+_GRADIENT = {end: schema.described(COLOR_FIELD, f"The color at the {end}.") for end in ("top", "bottom")}
+_BACKGROUND = replace(
+    _COLOR_OR_NONE,
+    parser=_parse_background,
+    plain_schema=lambda moves: schema.any_of(_COLOR_OR_NONE.plain_schema(moves), _gradient_schema(moves)),
+)
+_FRAME = schema.FieldType[Any](
+    "a frame, -1 for the last one, or seconds such as 2.5s",
+    schema.read_frame,
+    plain_schema=lambda _moves: {"type": ["integer", "string"]},
+)
 
 
 class PictureKind(NamedTuple):
@@ -183,17 +146,58 @@ class OutputFile:
     dpi: the resolution of the printed picture, in pixels per inch, which PNG, APNG and EXR files state.
     """
 
-    file: Annotated[Path, OUTPUT_FILE_FIELD]
-    size: Annotated[tuple[int, int], _SIZE] = (512, 512)
-    frames_per_second: Annotated[float, schema.number_field(minimum=0.01, maximum=1000, motion=None)] = 30.0
-    background: Annotated[Background | Motion[Background], _BACKGROUND] = (0.0, 0.0, 0.0)
-    quality: Annotated[float, schema.number_field(minimum=0, maximum=MAX_QUALITY, motion=None)] = 8.0
-    codec: Annotated[str | None, schema.TEXT_FIELD] = None
-    crf: Annotated[float | None, schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)] = None
-    pixel_format: Annotated[str | None, schema.TEXT_FIELD] = None
-    every: Annotated[int, schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)] = 1
-    frame: Annotated[int | None, _FRAME] = None
-    dpi: Annotated[float | None, _DPI] = None
+    file: Annotated[
+        Path,
+        OUTPUT_FILE_FIELD,
+        KeyText("The file, whose suffix is the format; relative to the current folder.", example="scan.mp4"),
+    ]
+    size: Annotated[
+        tuple[int, int],
+        SIZE_FIELD,
+        KeyText("Width and height in pixels; or {width: 85 mm, dpi: 300}, in print."),
+    ] = (
+        512,
+        512,
+    )
+    frames_per_second: Annotated[
+        float, schema.number_field(minimum=0.01, maximum=1000, motion=None), KeyText("The frames of a second.")
+    ] = 30.0
+    background: Annotated[
+        Background | Motion[Background],
+        _BACKGROUND,
+        KeyText("The color behind everything, `transparent`, or a gradient such as {top: white, bottom: black}."),
+    ] = (0.0, 0.0, 0.0)
+    quality: Annotated[
+        float,
+        schema.number_field(minimum=0, maximum=MAX_QUALITY, motion=None),
+        KeyText("From 0, the smallest file, to 10, the best picture, where the encoder has a choice."),
+    ] = 8.0
+    codec: Annotated[
+        str | None, schema.TEXT_FIELD, KeyText("The encoder of a film.", "the first of the format", "hevc")
+    ] = None
+    crf: Annotated[
+        float | None,
+        schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None),
+        KeyText("In place of `quality`: the constant rate factor, where the encoder has one.", "by quality", "18"),
+    ] = None
+    pixel_format: Annotated[
+        str | None,
+        schema.TEXT_FIELD,
+        KeyText("The pixel format of ffmpeg.", "the first of the codec", "yuv444p"),
+    ] = None
+    every: Annotated[
+        int,
+        schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES),
+        KeyText("Of a further file in a list: 2 shows the frames 0, 2, 4 and so on."),
+    ] = 1
+    frame: Annotated[
+        int | None, _FRAME, KeyText("Of a further file in a list: the only frame that it shows.", "all frames", "30")
+    ] = None
+    dpi: Annotated[
+        float | None,
+        DPI_FIELD,
+        KeyText("The pixels per inch that PNG, APNG and EXR files state.", "none is stated", "300"),
+    ] = None
 
     @property
     def format(self) -> OutputFormat:
@@ -323,7 +327,7 @@ def _in_pixels(node: TreeNode, size: PaperSize, own: Any) -> tuple[Any, Any]:
     """
     dpi = own if size.dpi is None else size.dpi
     if dpi is None:
-        node.child("dpi").reject("missing", got="", expected=_DPI.expected, hint="300 for most journals")
+        node.child("dpi").reject("missing", got="", expected=DPI_FIELD.expected, hint="300 for most journals")
     elif own not in (None, INVALID, dpi):
         node.child("dpi", size.dpi).reject("contradicts output.dpi", expected="one of them")
     elif dpi is not INVALID:
@@ -433,7 +437,14 @@ def _check_names(files: Iterable[tuple[TreeNode, OutputFile]]) -> None:
         known.append((pattern, example))
 
 
-OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _parse_output, table=_FILE.table)
+_FILES = schema.sequence_field(_FILE, "a list of files")
+OUTPUT_SECTION = schema.FieldType(
+    "a mapping with file, or a list of such",
+    _parse_output,
+    table=_FILE.table,
+    plain_schema=schema.either(_FILE, _FILES),
+    example=_FILE.example,
+)
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:

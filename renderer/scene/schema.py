@@ -18,6 +18,17 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeGuard, TypeVar, get_args, get_origin, get_type_hints
 
 from renderer.errors import Problem, closest_match
+from renderer.scene.json_schema import (
+    NO_ALTERNATIVES as NO_ALTERNATIVES,
+    Alternatives as Alternatives,
+    as_written,
+    example_of as example_of,
+    key_lines as key_lines,
+    key_schema as key_schema,
+    mapping_example as mapping_example,
+    mapping_schema as mapping_schema,
+    yaml_flow as yaml_flow,
+)
 from renderer.scene.message_text import did_you_mean, format_value, join_words
 from renderer.scene.motion import MotionKind, is_plain
 from renderer.scene.tree_node import (
@@ -26,9 +37,13 @@ from renderer.scene.tree_node import (
     FieldTable as FieldTable,
     FieldType as FieldType,
     FilmTime as FilmTime,
+    JsonSchema as JsonSchema,
+    KeyText as KeyText,
     TreeNode as TreeNode,
+    any_of as any_of,
     check_frame_in_path as check_frame_in_path,
     check_frames_ascend as check_frames_ascend,
+    either as either,
     read_frame as read_frame,
     still as still,
 )
@@ -95,7 +110,11 @@ def number_field(
             return value
         return node.reject("out of range", hint=zero_hint if value == 0 else None)
 
-    return FieldType(f"a {noun}{_range_words(minimum, above, maximum)}", parse, motion=motion)
+    bounds = {"minimum": minimum, "exclusiveMinimum": above, "maximum": maximum}
+    shape: JsonSchema = {"type": "integer" if is_whole else "number"}
+    shape |= {name: as_written(bound) for name, bound in bounds.items() if math.isfinite(bound)}
+    expected = f"a {noun}{_range_words(minimum, above, maximum)}"
+    return FieldType(expected, parse, motion=motion, plain_schema=lambda _moves: shape)
 
 
 integer_field = partial(number_field, is_whole=True, motion=None)
@@ -141,13 +160,21 @@ LENGTH_FIELD = number_field(minimum=MIN_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH, 
 COORDINATE_FIELD = number_field(minimum=-MAX_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
 
 
-def _instance_field(cls: type[T], expected: str, what: str) -> FieldType[T]:
-    return FieldType(expected, lambda node: node.value if isinstance(node.value, cls) else node.reject(what))
+def of_json_type(name: str) -> Callable[[bool], JsonSchema]:
+    """Return the `plain_schema` of all values of one type of JSON, such as `string`."""
+    return lambda _moves: {"type": name}
 
 
-BOOLEAN_FIELD = _instance_field(bool, "true or false", "not true or false")
-TEXT_FIELD = _instance_field(str, "text", "not text")
-MAPPING_FIELD: FieldType[dict[str, Any]] = _instance_field(dict, "a mapping", "not a mapping")
+def _instance_field(cls: type[T], expected: str, what: str, json_type: str) -> FieldType[T]:
+    def parse(node: TreeNode) -> Any:
+        return node.value if isinstance(node.value, cls) else node.reject(what)
+
+    return FieldType(expected, parse, plain_schema=of_json_type(json_type))
+
+
+BOOLEAN_FIELD = _instance_field(bool, "true or false", "not true or false", "boolean")
+TEXT_FIELD = _instance_field(str, "text", "not text", "string")
+MAPPING_FIELD: FieldType[dict[str, Any]] = _instance_field(dict, "a mapping", "not a mapping", "object")
 
 
 def text_field(expected: str, what: str, is_valid: Callable[[str], object]) -> FieldType[Any]:
@@ -156,7 +183,7 @@ def text_field(expected: str, what: str, is_valid: Callable[[str], object]) -> F
     def parse(node: TreeNode) -> Any:
         return node.value if isinstance(node.value, str) and is_valid(node.value) else node.reject(what)
 
-    return FieldType(expected, parse)
+    return FieldType(expected, parse, plain_schema=of_json_type("string"))
 
 
 def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> FieldType[Any]:
@@ -171,7 +198,7 @@ def choice_field(*names: str, aliases: Mapping[str, str] | None = None) -> Field
         meant = (aliases or {}).get(word)
         return node.reject("unknown value", hint=f"did you mean {meant}?" if meant else did_you_mean(word, names))
 
-    return FieldType(join_words(names), parse)
+    return FieldType(join_words(names), parse, plain_schema=lambda _moves: {"enum": [*names]}, example=names[0])
 
 
 def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> FieldType[Any]:
@@ -185,7 +212,14 @@ def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> F
             return words[node.value]
         return other.parser(replace(node, words=words))
 
-    return FieldType(expected, parse, other.empty_hint, other.motion)
+    return replace(
+        other,
+        expected=expected,
+        parser=parse,
+        table=None,
+        plain_schema=lambda moves: any_of({"enum": [*words]}, other.plain_schema(moves)),
+        words={**words, **other.words},
+    )
 
 
 # Types of lists and mappings
@@ -216,7 +250,15 @@ def sequence_field(
         items = tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
         return items if check is None or INVALID in items or not is_plain(items) else check(node, items)
 
-    return FieldType(expected, parse, motion=motion or (item.motion and "linear"), table=item.table)
+    lengths = {"minItems": count or (0 if may_be_empty else 1)} | ({"maxItems": count} if count else {})
+    return FieldType(
+        expected,
+        parse,
+        motion=motion or (item.motion and "linear"),
+        table=item.table,
+        plain_schema=lambda moves: {"type": "array", "items": item.schema(moves), **lengths},
+        example=f"[{item.example}]" if item.example and not count else "",
+    )
 
 
 POINT_FIELD = sequence_field(COORDINATE_FIELD, "[x, y, z] in world units", count=3)
@@ -230,7 +272,10 @@ def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> 
             return node.reject("not a pair")
         return first.read(node.child(0, node.value[0])), second.read(node.child(1, node.value[1]))
 
-    return FieldType(expected, parse, motion=first.motion)
+    def shape(moves: bool) -> JsonSchema:
+        return {"type": "array", "items": [first.schema(moves), second.schema(moves)], "minItems": 2, "maxItems": 2}
+
+    return FieldType(expected, parse, motion=first.motion, plain_schema=shape)
 
 
 def mapping_field(item: FieldType[T], expected: str = "a mapping", key_name: str = "text") -> FieldType[dict[str, T]]:
@@ -256,25 +301,37 @@ def section_field(
     *,
     required: Collection[str] = (),
     misplaced_hints: Mapping[str, str] | None = None,
+    alternatives: Alternatives = NO_ALTERNATIVES,
 ) -> FieldType[T]:
     """Return the type of a mapping with the keys of `table`.
 
     build: a function that checks the given values together, and makes the result of them.
     misplaced_hints: hints for keys that belong in another place.
+    alternatives: the keys of which one alone is given. `build` reports several of them.
     """
 
     def read(node: TreeNode) -> T:
         return build(node, read_fields(node, table, required=required, misplaced_hints=misplaced_hints))
 
-    return FieldType(_mapping_with(table, required), read, table=table)
+    table = {key: replace(field, is_needed=key in required) for key, field in table.items()}
+    return FieldType(
+        _mapping_with(table, required),
+        read,
+        table=table,
+        plain_schema=lambda moves: mapping_schema(table, alternatives, moves=moves),
+        example=mapping_example(table, alternatives),
+    )
 
 
 def dataclass_field(
-    cls: Callable[..., T], check: Callable[[TreeNode, dict[str, Any]], object] | None = None
+    cls: Callable[..., T],
+    check: Callable[[TreeNode, dict[str, Any]], object] | None = None,
+    alternatives: Alternatives = NO_ALTERNATIVES,
 ) -> FieldType[T]:
     """Return the type of a mapping whose keys are the fields of a dataclass. It is read as an instance of the class.
 
     check: a function that compares the given values with each other, and adds problems.
+    alternatives: the keys of which one alone is given. `check` reports several of them.
     """
 
     def build(node: TreeNode, given: dict[str, Any]) -> T:
@@ -282,17 +339,44 @@ def dataclass_field(
             check(node, given)
         return cls(**given)
 
-    return section_field(field_table(cls), build, required=required_keys(cls))
+    return section_field(field_table(cls), build, required=required_keys(cls), alternatives=alternatives)
 
 
 def field_table(cls: Any) -> dict[str, FieldType[Any]]:
     """Return the types of a dataclass's fields, as annotations declare them, or as they follow from type hints.
 
-    Fields whose type hints do not determine a field type are left out.
+    Fields whose type hints do not determine a field type are left out. A `KeyText` among the annotations is the text on
+    the key, and the field's default is the key's.
     """
     hints = get_type_hints(cls, include_extras=True)
-    found = {each.name: _field_type(hints[each.name]) for each in fields(cls)}
-    return {name: field for name, field in found.items() if field is not None}
+    found = {each.name: (_field_type(hints[each.name]), each.default) for each in fields(cls)}
+    return {
+        name: replace(field, text=_key_text(hints[name]), default=_default(field, default))
+        for name, (field, default) in found.items()
+        if field is not None
+    }
+
+
+def described(
+    field: FieldType[T], sentence: str, *, default: object = None, words: str = "", example: str = ""
+) -> FieldType[T]:
+    """Return the type of a key's value with the text on the key.
+
+    default: the key's default, as a scene has it. words, example: as `default` and `example` of KeyText.
+    """
+    return replace(field, text=KeyText(sentence, words, example), default=default)
+
+
+def _key_text(hint: Any) -> KeyText | None:
+    texts = (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, KeyText))
+    return next(texts, None)
+
+
+def _default(field: FieldType[Any], value: object) -> object:
+    """Return the default of a key as a scene has it, from the default of the dataclass; None for no default."""
+    return (
+        None if value is MISSING else next((w for w, meant in field.words.items() if meant == value), as_written(value))
+    )
 
 
 def _field_type(hint: Any) -> FieldType[Any] | None:

@@ -10,7 +10,7 @@ from renderer.scene import schema
 from renderer.scene.camera_section import direction_field
 from renderer.scene.error_section import ErrorSpec, SplatBudget
 from renderer.scene.message_text import format_value
-from renderer.scene.schema import INVALID, TreeNode
+from renderer.scene.schema import INVALID, KeyText, TreeNode
 
 # The largest exponent of a highlight: the larger the exponent, the smaller the highlight.
 MAX_SHININESS = 1000.0
@@ -61,18 +61,43 @@ class ShadingSpec:
         share `1 - product of (1 - w)` of the light, each in proportion to its weight; the gradient has the remainder.
     """
 
-    ambient: Fraction = 0.3
-    diffuse: Fraction = 0.7
-    light: Annotated[schema.Vector | Literal["camera"], _LIGHT] = (1.0, -1.0, 1.0)
-    specular: Fraction = 0.0
-    shininess: Annotated[float, schema.number_field(above=0, maximum=MAX_SHININESS)] = 32.0
-    two_sided: bool = False
-    gradient_opacity: Annotated[tuple[tuple[float, float], ...] | None, _GRADIENT_OPACITY] = None
-    occlusion: Fraction = 0.0
-    shadow: Fraction = 0.0
-    occlusion_radius: Annotated[float | None, schema.LENGTH_FIELD] = None
-    silhouette: Fraction = 0.0
-    cut_faces: bool = True
+    ambient: Annotated[Fraction, KeyText("The light that reaches every point, as a share of its color.")] = 0.3
+    diffuse: Annotated[Fraction, KeyText("The light on surfaces that face the light, as a share of their color.")] = 0.7
+    light: Annotated[
+        schema.Vector | Literal["camera"],
+        _LIGHT,
+        KeyText("The direction from the object to the light, which turns with the object; `camera`: from the viewer."),
+    ] = (1.0, -1.0, 1.0)
+    specular: Annotated[Fraction, KeyText("The strength of white highlights.")] = 0.0
+    shininess: Annotated[
+        float,
+        schema.number_field(above=0, maximum=MAX_SHININESS),
+        KeyText("The exponent of highlights: a larger one makes them smaller."),
+    ] = 32.0
+    two_sided: Annotated[bool, KeyText("Whether surfaces are lit from behind as from the front.")] = False
+    gradient_opacity: Annotated[
+        tuple[tuple[float, float], ...] | None,
+        _GRADIENT_OPACITY,
+        KeyText(
+            "Factors on extinction by the gradient, in values per world unit: boundaries show, and even matter fades.",
+            "no factors",
+            "[[0, 0], [30, 1]]",
+        ),
+    ] = None
+    occlusion: Annotated[Fraction, KeyText("How strongly matter around a point dims the ambient light.")] = 0.0
+    shadow: Annotated[
+        Fraction, KeyText("How strongly matter before a fixed light dims diffuse light and highlights.")
+    ] = 0.0
+    occlusion_radius: Annotated[
+        float | None,
+        schema.LENGTH_FIELD,
+        KeyText("How far occlusion sees, in world units.", "a tenth of the volume's diagonal", "25"),
+    ] = None
+    silhouette: Annotated[Fraction, KeyText("How strongly surfaces seen edge-on are darkened.")] = 0.0
+    cut_faces: Annotated[
+        bool,
+        KeyText("Whether faces that `clip` cuts are lit as surfaces; false: by the gradient, as all other points."),
+    ] = True
 
     @property
     def lambert(self) -> ShadingSpec | None:

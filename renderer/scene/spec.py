@@ -13,7 +13,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from renderer.scene import schema
 from renderer.scene.annotation_section import ANNOTATION_SECTION, AnnotationSpec
@@ -44,8 +44,13 @@ Blend = Literal["mix", "add"]
 class PyramidSpec:
     """A choice of the quantity that an octree node averages, and of the precision in which the average is stored."""
 
-    average: Literal["extinction", "opacity"] = "extinction"
-    precision: Literal["half", "single"] = "half"
+    average: Annotated[
+        Literal["extinction", "opacity"], schema.KeyText("The quantity that cells average; `opacity` is the paper's.")
+    ] = "extinction"
+    precision: Annotated[
+        Literal["half", "single"],
+        schema.KeyText("The precision of averages; `half`: float16, with a relative error of 2^-11."),
+    ] = "half"
 
 
 def _parse_version(node: schema.TreeNode) -> Any:
@@ -53,30 +58,67 @@ def _parse_version(node: schema.TreeNode) -> Any:
     return VERSION if is_known else node.reject("unknown version of the scene format")
 
 
-_VERSION = schema.FieldType(str(VERSION), _parse_version)
+_VERSION = schema.FieldType(
+    str(VERSION), _parse_version, plain_schema=lambda _moves: {"const": VERSION}, example=str(VERSION)
+)
 
 
 # The keys of a scene. A scene has `volume`, or else `volumes`; a volume has `transfer_function`, or else `labels`.
-SECTIONS: schema.FieldTable = {
-    "volume": VOLUME_SECTION,
-    "transfer_function": TRANSFER_FUNCTION_SECTION,
-    "labels": LABELS_FIELD,
-    "camera": CAMERA_FIELD,
-    "output": OUTPUT_SECTION,
-    "error": ERROR_SECTION,
-    "splat": SPLAT_SECTION,
-    "pyramid": schema.dataclass_field(PyramidSpec),
-    "shading": schema.dataclass_field(ShadingSpec),
-    "light": schema.dataclass_field(LightSpec),
-    "fog": schema.dataclass_field(FogSpec),
-    "mode": MODE_SECTION,
-    "clip": CLIP_SECTION,
-    "mask": MASK_SECTION,
-    "volumes": VOLUMES_SECTION,
-    "blend": schema.choice_field(*get_args(Blend)),
-    "annotation": ANNOTATION_SECTION,
-    "version": _VERSION,
+_DESCRIBED: schema.FieldTable = {
+    "volume": schema.described(VOLUME_SECTION, "The voxels that are drawn."),
+    "transfer_function": schema.described(
+        TRANSFER_FUNCTION_SECTION,
+        "The colors and opacities of the values: points, a colormap with opacities, or an import.",
+    ),
+    "labels": schema.described(
+        LABELS_FIELD, "In place of `transfer_function`: the labels of a segmentation, and their colors."
+    ),
+    "camera": schema.described(CAMERA_FIELD, "The camera and its path."),
+    "output": schema.described(OUTPUT_SECTION, "The file of the film, or a list of files of one drawing."),
+    "error": schema.described(ERROR_SECTION, "The accuracy of the film.", words="tolerance: 0.1"),
+    "splat": schema.described(
+        SPLAT_SECTION, "The primitives that are drawn for cells.", words="bricks, footprint: integrated"
+    ),
+    "pyramid": schema.described(
+        schema.dataclass_field(PyramidSpec), "The averages that coarse cells have.", words="average: extinction"
+    ),
+    "shading": schema.described(
+        schema.dataclass_field(ShadingSpec), "A light on surfaces, and how clearly they are seen.", words="even light"
+    ),
+    "light": schema.described(
+        schema.dataclass_field(LightSpec),
+        "In place of `shading`: surroundings and a lamp, whose light matter scatters.",
+        words="no such light",
+    ),
+    "fog": schema.described(
+        schema.dataclass_field(FogSpec), "Matter takes on the fog's color from one depth to another.", words="no fog"
+    ),
+    "mode": schema.described(
+        MODE_SECTION, "How a ray makes a color of the values that it passes.", default=ModeSpec.type
+    ),
+    "clip": schema.described(CLIP_SECTION, "Planes and boxes that clip parts away, at most six.", words="none"),
+    "mask": schema.described(
+        MASK_SECTION, "A volume of labels that says where the volume is shown.", words="everywhere"
+    ),
+    "volumes": schema.described(
+        VOLUMES_SECTION, "In place of `volume` and `transfer_function`: several volumes in one picture."
+    ),
+    "blend": schema.described(
+        schema.choice_field(*get_args(Blend)),
+        "How several volumes are mixed. `mix`: extinctions add up. `add`: light adds up, and nothing absorbs it.",
+        default="mix",
+    ),
+    "annotation": schema.described(
+        ANNOTATION_SECTION, "Texts, bars and lines over the picture.", words="nothing is drawn over it"
+    ),
+    "version": schema.described(_VERSION, "The version of the scene format.", default=VERSION),
 }
+_NEEDED = ("camera", "output")
+SECTIONS: schema.FieldTable = {key: replace(field, is_needed=key in _NEEDED) for key, field in _DESCRIBED.items()}
+# The sections that take the place of each other.
+SECTION_ALTERNATIVES = schema.Alternatives(
+    [("volume", "volumes"), ("transfer_function", "labels", "volumes"), ("shading", "light")], [("volume", "volumes")]
+)
 
 U = TypeVar("U")
 AnyScene = TypeVar("AnyScene", bound="FilmScene")

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 from renderer.scene import schema
 from renderer.scene.message_text import format_value
 from renderer.scene.motion import is_plain
-from renderer.scene.schema import INVALID, TreeNode
+from renderer.scene.schema import INVALID, KeyText, TreeNode
 
 Footprint = Literal["gaussian", "gouraud", "integrated"]
 _GOURAUD_KEYS = ("angular", "radial", "profile")
@@ -43,13 +43,40 @@ class SplatSpec:
     profile: pairs of radius and weight of the `gouraud` footprint, both in [0, 1], with the radius from 0 to 1.
     """
 
-    footprint: Annotated[Footprint, schema.choice_field(*get_args(Footprint), aliases=_ALIASES)] = "gaussian"
-    sigma: Annotated[float, schema.number_field(minimum=0.38, maximum=2)] = 0.425
-    angular: Annotated[int, schema.integer_field(minimum=3, maximum=64)] = 8
-    radial: Annotated[int, schema.integer_field(minimum=1, maximum=32)] = 3
-    profile: Annotated[tuple[tuple[float, float], ...], _PROFILE] = ((0.0, 1.0), (0.5, 0.6), (1.0, 0.0))
-    opacity_correction: bool = True
-    order: Literal["depth", "unmixed", "boxes"] = "depth"
+    footprint: Annotated[
+        Footprint,
+        schema.choice_field(*get_args(Footprint), aliases=_ALIASES),
+        KeyText(
+            "`integrated`: the field itself, in bricks of cells, which has no other key. `gaussian`: a splat for each "
+            "cell. `gouraud`: the paper's triangles."
+        ),
+    ] = "gaussian"
+    sigma: Annotated[
+        float,
+        schema.number_field(minimum=0.38, maximum=2),
+        KeyText("The standard deviation of the gaussian footprint, in cells."),
+    ] = 0.425
+    angular: Annotated[
+        int, schema.integer_field(minimum=3, maximum=64), KeyText("The vertices of a ring of the gouraud footprint.")
+    ] = 8
+    radial: Annotated[
+        int, schema.integer_field(minimum=1, maximum=32), KeyText("The rings of vertices of the gouraud footprint.")
+    ] = 3
+    profile: Annotated[
+        tuple[tuple[float, float], ...],
+        _PROFILE,
+        KeyText("The weight of the gouraud footprint by radius, as [radius, weight] with radius from 0 to 1."),
+    ] = ((0.0, 1.0), (0.5, 0.6), (1.0, 0.0))
+    opacity_correction: Annotated[
+        bool, KeyText("Whether opacities are by the length through a cell; false: by that through a voxel.")
+    ] = True
+    order: Annotated[
+        Literal["depth", "unmixed", "boxes"],
+        KeyText(
+            "`depth`: by view depth, and neighbours that swap are drawn as a mixture of both orders. `unmixed`: by "
+            "view depth alone. `boxes`: the octree's order, as in the paper."
+        ),
+    ] = "depth"
 
     def written(self) -> dict[str, object]:
         """Return the keys that the footprint has, with their values."""

@@ -17,7 +17,7 @@ from renderer.scene.input_file import read_bounded, require_file
 from renderer.scene.labels_section import LABELS_TABLE, LabelsSpec, build_labels
 from renderer.scene.message_text import format_value
 from renderer.scene.motion import Motion, at_keys, is_plain, motions_in, moving_result, value_at, values_at
-from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.schema import INVALID, Color, KeyText, TreeNode
 
 if TYPE_CHECKING:
     from renderer.looks import Look
@@ -37,7 +37,12 @@ def _parse_colormap(node: TreeNode) -> Any:
     return node.reject("unknown colormap", hint=f"did you mean {close}?" if close else None)
 
 
-COLORMAP_FIELD = schema.FieldType("a name such as viridis, gray, cividis_r or crameri:batlow", _parse_colormap)
+COLORMAP_FIELD = schema.FieldType(
+    "a name such as viridis, gray, cividis_r or crameri:batlow",
+    _parse_colormap,
+    plain_schema=schema.of_json_type("string"),
+    example="viridis",
+)
 
 
 @dataclass(frozen=True)
@@ -47,9 +52,11 @@ class ControlPoint:
     opacity: in [0, 1], over the length `TransferSpec.unit`. Only projections may leave it out.
     """
 
-    value: Annotated[float, _NUMBER]
-    color: Annotated[Color, COLOR_FIELD]
-    opacity: Annotated[float, _PART] = 1.0
+    value: Annotated[float, _NUMBER, KeyText("A value of the voxels.", example="255")]
+    color: Annotated[Color, COLOR_FIELD, KeyText("The color of matter with this value.")]
+    opacity: Annotated[
+        float, _PART, KeyText("The share of light that matter as thick as `unit` holds back: 0 none, 1 all.")
+    ] = 1.0
 
 
 @dataclass(frozen=True)
@@ -140,10 +147,21 @@ VALUE_RANGE_FIELD = schema.sequence_field(
     _NUMBER, "[low, high]: two numbers, low less than high", count=2, check=_check_range
 )
 _OPACITY_POINT = schema.pair_field(_NUMBER, _PART, "[value, opacity]: a number, and a number from 0 to 1")
+_UNIT_FIELD = schema.described(
+    schema.LENGTH_FIELD, "The length that opacities refer to.", words="the finest spacing", example="1"
+)
 _COLORMAP_FIELDS: schema.FieldTable = {
-    "colormap": COLORMAP_FIELD,
-    "range": VALUE_RANGE_FIELD,
-    "opacity": schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
+    "colormap": schema.described(
+        COLORMAP_FIELD, "In place of `points`, with `range` and `opacity`: a colormap of cmap or ParaView, by its name."
+    ),
+    "range": schema.described(
+        VALUE_RANGE_FIELD, "The values of the first and the last color of the colormap.", example="[0, 255]"
+    ),
+    "opacity": schema.described(
+        schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
+        "Opacities of matter as thick as `unit`, as [value, opacity]; projections need none.",
+        example="[[0, 0], [255, 0.4]]",
+    ),
 }
 _IMPORT = schema.text_field(
     "the file of a transfer function, or the name of a preset such as ct-bone",
@@ -151,22 +169,49 @@ _IMPORT = schema.text_field(
     schema.is_file_name,
 )
 _IMPORT_FIELDS: schema.FieldTable = {
-    "import": _IMPORT,
-    "name": schema.TEXT_FIELD,
-    "shift": schema.number_field(),
-    "scale": schema.word_or(
-        {"log": "log", "linear": None},
-        schema.number_field(above=0),
-        "beside a colormap log or linear; beside import a number greater than 0",
+    "import": schema.described(
+        _IMPORT,
+        "In place of `points`: the file of another program's transfer function, or a preset by its name.",
+        example="ct-bone",
+    ),
+    "name": schema.described(
+        schema.TEXT_FIELD,
+        "With `import`: the name of one of several transfer functions in the file.",
+        words="the only one",
+        example="CT-Bone",
+    ),
+    "shift": schema.described(
+        schema.number_field(),
+        "With `import`: a number that is added to values of the file, after `scale`.",
+        words="0",
+        example="-1024",
+    ),
+    "scale": schema.described(
+        schema.word_or(
+            {"log": "log", "linear": None},
+            schema.number_field(above=0),
+            "beside a colormap log or linear; beside import a number greater than 0",
+        ),
+        "With `import`: a factor on values of the file. With a colormap: `log` for even steps of the logarithm.",
+        words="1 with `import`, else linear",
+        example="log",
     ),
 }
 _FIELDS: schema.FieldTable = {
-    "unit": schema.LENGTH_FIELD,
-    "relative": schema.BOOLEAN_FIELD,
-    "points": schema.sequence_field(
-        schema.dataclass_field(ControlPoint),
-        "a list of {value: ..., color: ..., opacity: ...}, one or more",
-        motion="linear",
+    "unit": _UNIT_FIELD,
+    "relative": schema.described(
+        schema.BOOLEAN_FIELD,
+        "Whether the values of `points`, `range` and `opacity` are percentiles of the voxels with data.",
+        default=False,
+    ),
+    "points": schema.described(
+        schema.sequence_field(
+            schema.dataclass_field(ControlPoint),
+            "a list of {value: ..., color: ..., opacity: ...}, one or more",
+            motion="linear",
+        ),
+        "Control points with ascending values, linear in color and extinction between; two at one value are a step.",
+        example="[{value: 0, color: black, opacity: 0}, {value: 255, color: white, opacity: 0.5}]",
     ),
     **_COLORMAP_FIELDS,
     **_IMPORT_FIELDS,
@@ -377,7 +422,8 @@ def check_opacities(node: TreeNode, transfer: object) -> None:
             _PART.reject(node.child("points").child(index).child("opacity"), "missing")
 
 
-TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _read_transfer)
+_KINDS = schema.Alternatives([("points", "colormap", "import")], [("points", "colormap", "import", "opacity")])
+TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _read_transfer, alternatives=_KINDS)
 
 
 def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> TransferSpec:
@@ -424,4 +470,4 @@ def _build_labels(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
 
 
 # The type of the key `labels`, which a scene of labels has in place of `transfer_function`.
-LABELS_FIELD = schema.section_field({**LABELS_TABLE, "unit": schema.LENGTH_FIELD}, _build_labels)
+LABELS_FIELD = schema.section_field({**LABELS_TABLE, "unit": _UNIT_FIELD}, _build_labels)

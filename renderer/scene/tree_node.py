@@ -29,11 +29,17 @@ _MOST_BETWEEN = 100
 _MOST_PROBLEMS = 20
 
 _FRAME = re.compile(r"-?\d{1,9}|\d{1,9}(\.\d{0,9})?s", re.ASCII)
+# The same for a JSON Schema, whose patterns have no flags.
+_FRAME_PATTERN = "^(-?[0-9]{1,9}|[0-9]{1,9}([.][0-9]{0,9})?s)$"
+_EASING_WORDS = "How values pass from one frame of the map to the next."
 
 _WHAT_MOVES = "numbers, colors, points and directions can move: docs/motion.md"
 _MAP_OF_FRAMES = "what moves is a map from frames, such as 0, -1 or 2.5s: docs/motion.md"
 
 INVALID: Any = object()
+
+# A JSON Schema (draft 7), as plain data.
+JsonSchema = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -105,11 +111,30 @@ class TreeNode:
 
 
 @dataclass(frozen=True)
+class KeyText:
+    """The text on a key of a scene, which documentation, editors and `hsplat explain` show.
+
+    sentence: says what the key sets, and in which unit. default: the words for a default that is no value of a scene,
+        such as "the centre of the volume".
+    example: a value, as YAML; by default the default, or an example of the type.
+    """
+
+    sentence: str
+    default: str = ""
+    example: str = ""
+
+
+@dataclass(frozen=True)
 class FieldType(Generic[T]):
     """A type of value: a function that reads it, and the words that follow "expected:" in messages.
 
     empty_hint: a hint for a key without a value. motion: how values move; None if they cannot.
     table: the types of the keys, of a mapping or of a list of mappings.
+    plain_schema: a function that returns the JSON Schema of a value that does not move as a whole; its argument says
+        whether parts of the value may move.
+    words: the words that stand for values. example: a value, as YAML.
+    text: the text on the key whose value this is. default: the key's default, as a scene has it; None for no default.
+    is_needed: whether the key has to be given.
     """
 
     expected: str
@@ -117,6 +142,12 @@ class FieldType(Generic[T]):
     empty_hint: str | None = None
     motion: MotionKind | None = None
     table: Mapping[str, FieldType[Any]] | None = None
+    plain_schema: Callable[[bool], JsonSchema] = lambda _moves: {}
+    words: Mapping[str, Any] = field(default_factory=dict)
+    example: str = ""
+    text: KeyText | None = None
+    default: object = None
+    is_needed: bool = False
 
     def read(self, node: TreeNode) -> T:
         """Return the checked value, or INVALID. A value that moves is written as a map from frames to values."""
@@ -141,6 +172,21 @@ class FieldType(Generic[T]):
         """Return the checked value, or INVALID. The value of the node must not be None, nor a map from frames."""
         return self.parser(node.expecting(self.expected))
 
+    def schema(self, moves: bool = True) -> JsonSchema:
+        """Return the JSON Schema of a value. moves: whether the value and its parts may move, as far as they can."""
+        plain = self.plain_schema(moves)
+        if not moves or self.motion is None:
+            return plain
+        by_frame = {
+            "title": "a map from frames",
+            "type": "object",
+            "minProperties": 1,
+            "properties": {"easing": {"enum": [*EASINGS], "description": _EASING_WORDS}},
+            "patternProperties": {_FRAME_PATTERN: self.plain_schema(False)},
+            "additionalProperties": False,
+        }
+        return any_of(plain, by_frame)
+
     def reject(self, node: TreeNode, what: str, **parts: str | None) -> T:
         """Add a problem with a value that is not of this type, as `TreeNode.reject` does, and return INVALID."""
         invalid: T = node.expecting(self.expected).reject(what, **parts)
@@ -150,9 +196,26 @@ class FieldType(Generic[T]):
 FieldTable = Mapping[str, FieldType[Any]]
 
 
+def any_of(*schemas: JsonSchema) -> JsonSchema:
+    """Return the JSON Schema of a value that fits one of several schemas."""
+    parts = [part for each in schemas for part in (each["anyOf"] if each.keys() == {"anyOf"} else [each])]
+    return {"anyOf": parts} if len(parts) > 1 else parts[0]
+
+
+def either(*fields: FieldType[Any]) -> Callable[[bool], JsonSchema]:
+    """Return the `plain_schema` of a value that is of one of several types."""
+    return lambda moves: any_of(*(each.plain_schema(moves) for each in fields))
+
+
 def still(field: FieldType[T]) -> FieldType[T]:
     """Return a field type without motions: its values cannot move, neither as a whole nor in part."""
-    return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
+    return replace(
+        field,
+        parser=lambda node: field.parser(replace(node, film=None)),
+        motion=None,
+        table=field.table and {key: still(item) for key, item in field.table.items()},
+        plain_schema=lambda _moves: field.plain_schema(False),
+    )
 
 
 # Reading of values that move

@@ -106,7 +106,7 @@ def file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
             return node.reject("a broken link", got=f"{got}, which leads to {os.readlink(path)}")
         return node.reject("no such file", got=got, hint=_missing_file_hint(path))
 
-    return schema.FieldType(expected, parse)
+    return schema.FieldType(expected, parse, plain_schema=schema.of_json_type("string"))
 
 
 def _missing_file_hint(path: Path) -> str | None:
@@ -149,9 +149,11 @@ def _parse_source(node: TreeNode) -> Any:
 
 _EXPECTED = "a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume"
 _ONE_FILE = file_field(_EXPECTED, folder=True)
+_FILES = schema.sequence_field(schema.TEXT_FIELD, "a list of files")
 SOURCE_FIELD: schema.FieldType[FileSource | UrlSource] = schema.FieldType(
     f"{_EXPECTED}; or the URL of a store; or steps in time: a list of files, or a pattern such as step_{{:04}}.vti",
     _parse_source,
+    plain_schema=lambda moves: schema.any_of(_ONE_FILE.plain_schema(moves), _FILES.plain_schema(moves)),
 )
 
 

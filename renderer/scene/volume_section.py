@@ -12,7 +12,7 @@ from renderer.scene import schema
 from renderer.scene.level_choice import LevelChoice
 from renderer.scene.message_text import format_value
 from renderer.scene.motion import Motion, OverFrames, at_keys, is_plain, moving_result
-from renderer.scene.schema import INVALID, TreeNode
+from renderer.scene.schema import INVALID, KeyText, TreeNode
 from renderer.scene.volume_files import SOURCE_FIELD, FileSource, UrlSource, file_field
 from renderer.system import printable
 
@@ -131,11 +131,19 @@ _RANGES = schema.sequence_field(_RANGE, _CROP_WORDS, count=3)
 def _parse_crop(node: TreeNode) -> Any:
     if not isinstance(node.value, Mapping):
         return _RANGES.parser(node)
-    ranges = schema.read_fields(node, dict.fromkeys("xyz", _RANGE))
-    return tuple(ranges.get(axis) for axis in "xyz")
+    ranges = schema.read_fields(node, _AXES)
+    return tuple(ranges.get(axis) for axis in _AXES)
 
 
-_CROP = schema.FieldType(f"{_CROP_WORDS}; or a mapping with some of x, y and z", _parse_crop, motion="linear")
+_AXES: schema.FieldTable = {
+    axis: schema.described(_RANGE, f"The voxels along {axis}: the first, and the one after the last.") for axis in "xyz"
+}
+_CROP = schema.FieldType(
+    f"{_CROP_WORDS}; or a mapping with some of x, y and z",
+    _parse_crop,
+    motion="linear",
+    plain_schema=lambda moves: schema.any_of(_RANGES.plain_schema(moves), schema.mapping_schema(_AXES, moves=moves)),
+)
 
 
 _NUMBERS = schema.sequence_field(schema.number_field(motion=None), "a list of numbers")
@@ -150,7 +158,9 @@ def _parse_nodata(node: TreeNode) -> Any:
 
 _NODATA_WORDS = "auto, none, a number, or a list of numbers"
 _NODATA = schema.word_or(
-    {"auto": "auto", "none": "none"}, schema.FieldType(_NODATA_WORDS, _parse_nodata), _NODATA_WORDS
+    {"auto": "auto", "none": "none"},
+    schema.FieldType(_NODATA_WORDS, _parse_nodata, plain_schema=schema.either(schema.number_field(), _NUMBERS)),
+    _NODATA_WORDS,
 )
 
 
@@ -166,12 +176,17 @@ def _check_transform(node: TreeNode, rows: tuple[Any, ...]) -> Any:
     return rows
 
 
-TRANSFORM_FIELD = schema.sequence_field(
-    schema.sequence_field(schema.still(schema.COORDINATE_FIELD), "four numbers", count=4),
-    "a matrix of 4 x 4 numbers, row by row, whose last row is [0, 0, 0, 1]",
-    count=4,
-    check=_check_transform,
-    motion="linear",
+TRANSFORM_FIELD = schema.described(
+    schema.sequence_field(
+        schema.sequence_field(schema.still(schema.COORDINATE_FIELD), "four numbers", count=4),
+        "a matrix of 4 x 4 numbers, row by row, whose last row is [0, 0, 0, 1]",
+        count=4,
+        check=_check_transform,
+        motion="linear",
+    ),
+    "A matrix that moves the volume in the world, as a registration does.",
+    words="no change",
+    example="[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
 )
 
 
@@ -179,8 +194,10 @@ TRANSFORM_FIELD = schema.sequence_field(
 Range = tuple[int, int]
 Ranges = tuple[Range | None, Range | None, Range | None]
 # The numbers of voxels along x, y, z.
-Shape = Annotated[tuple[int, int, int], _SHAPE]
-Spacing = Annotated[schema.Vector, _SPACING]
+Shape = Annotated[
+    tuple[int, int, int], _SHAPE, KeyText("The number of voxels along x, y and z.", example="[128, 128, 64]")
+]
+Spacing = Annotated[schema.Vector, _SPACING, KeyText("The size of a voxel along x, y and z.")]
 
 
 @dataclass(frozen=True)
@@ -191,12 +208,22 @@ class RawSource:
     """
 
     key: ClassVar[str] = "raw"
-    file: Annotated[Path, file_field("a file of voxels without a header", folder=False)]
+    file: Annotated[
+        Path,
+        file_field("a file of voxels without a header", folder=False),
+        KeyText("The file of the voxels, in which x varies fastest; relative to the scene's file.", example="a.raw"),
+    ]
     shape: Shape
-    dtype: Annotated[str, schema.choice_field(*ITEM_SIZES, aliases=_ALIASES)]
-    byte_order: Literal["little", "big"] = "little"
+    dtype: Annotated[
+        str,
+        schema.choice_field(*ITEM_SIZES, aliases=_ALIASES),
+        KeyText("The type of the voxels.", example="uint16"),
+    ]
+    byte_order: Annotated[Literal["little", "big"], KeyText("The order of the bytes of a voxel.")] = "little"
     spacing: Spacing = (1.0, 1.0, 1.0)
-    offset: Annotated[int, schema.integer_field(minimum=0, maximum=2**40)] = 0
+    offset: Annotated[
+        int, schema.integer_field(minimum=0, maximum=2**40), KeyText("The number of bytes before the voxels.")
+    ] = 0
 
 
 @dataclass(frozen=True)
@@ -204,11 +231,15 @@ class ProceduralSource:
     """A volume made from a formula. phase: the phase of `beating_heart`, in beats."""
 
     key: ClassVar[str] = "procedural"
-    name: Annotated[str, schema.choice_field(*PROCEDURAL_NAMES)]
+    name: Annotated[str, schema.choice_field(*PROCEDURAL_NAMES), KeyText("The formula that makes the voxels.")]
     shape: Shape
-    seed: Annotated[int, schema.integer_field(minimum=0, maximum=2**32 - 1)] = 1
+    seed: Annotated[
+        int, schema.integer_field(minimum=0, maximum=2**32 - 1), KeyText("The seed of the random numbers in it.")
+    ] = 1
     spacing: Spacing = (1.0, 1.0, 1.0)
-    phase: Annotated[float, schema.number_field(minimum=-1e6, maximum=1e6)] = 0.0
+    phase: Annotated[
+        float, schema.number_field(minimum=-1e6, maximum=1e6), KeyText("The phase of `beating_heart`, in beats.")
+    ] = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,14 +289,53 @@ class VolumeSpec:
     """
 
     source: FileSource | UrlSource | RawSource | ProceduralSource | ArraySource
-    time: Annotated[float | int | Literal["auto"] | None, _TIME] = None
-    component: Annotated[int | Literal["all", "color", "color_alpha"] | None, _COMPONENT] = None
-    crop: Annotated[Ranges | None, _CROP] = None
-    nodata: Annotated[Literal["auto", "none"] | tuple[float, ...], _NODATA] = "auto"
-    dataset: Annotated[str | None, _DATASET] = None
-    interpolate: bool = False
-    unit: Annotated[str | None, _UNIT] = None
-    level: Annotated[int | None, _LEVEL] = None
+    time: Annotated[
+        float | int | Literal["auto"] | None,
+        _TIME,
+        KeyText("The number of a step in time, from 0; `auto`: all steps in the course of the film.", "the first", "0"),
+    ] = None
+    component: Annotated[
+        int | Literal["all", "color", "color_alpha"] | None,
+        _COMPONENT,
+        KeyText(
+            "The number of a component of the voxels, from 0. `all`: a layer of each. `color`, `color_alpha`: voxels "
+            "are colors, with luminance or alpha as values.",
+            "the first",
+            "0",
+        ),
+    ] = None
+    crop: Annotated[
+        Ranges | None,
+        _CROP,
+        KeyText(
+            "The voxels that are read, along x, y and z: the first, and the one after the last.",
+            "all",
+            "[[0, 100], [20, 80], [0, 50]]",
+        ),
+    ] = None
+    nodata: Annotated[
+        Literal["auto", "none"] | tuple[float, ...],
+        _NODATA,
+        KeyText("The values of voxels without data, which are left out; `auto`: NaN, infinities and fill values."),
+    ] = "auto"
+    dataset: Annotated[
+        str | None,
+        _DATASET,
+        KeyText(
+            "The name of a dataset of an HDF5 or netCDF-4 file, or of an image of a store.",
+            "the only one that is a volume",
+            "in/volume",
+        ),
+    ] = None
+    interpolate: Annotated[bool, KeyText("Whether there is a mixture of both steps between two times.")] = False
+    unit: Annotated[
+        str | None, _UNIT, KeyText("The unit of lengths in the world, in place of the file's.", "the file's", "mm")
+    ] = None
+    level: Annotated[
+        int | None,
+        _LEVEL,
+        KeyText("The level of a store, 0 the finest; `auto`: the coarsest that is as exact as `error` asks."),
+    ] = None
     chosen: LevelChoice | None = field(default=None, compare=False)
 
     @property
@@ -385,11 +455,36 @@ def _parse_file(node: TreeNode) -> Any:
 _ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, name it by --volume"
 _NONFINITE_HINT = "NaN and infinities are left out, by `nodata: auto`"
 _SOURCES: dict[str, schema.FieldType[Any]] = {
-    "file": replace(SOURCE_FIELD, parser=_parse_file),
-    "raw": schema.dataclass_field(RawSource, _check_raw),
-    "procedural": schema.dataclass_field(ProceduralSource),
+    "file": schema.described(
+        replace(SOURCE_FIELD, parser=_parse_file),
+        "The file or folder of the volume, or the URL of a store, or the files of steps in time; relative to the "
+        "scene's file.",
+        example="scan.nhdr",
+    ),
+    "raw": schema.described(
+        schema.dataclass_field(RawSource, _check_raw), "In place of `file`: a file of voxels without a header."
+    ),
+    "procedural": schema.described(
+        schema.dataclass_field(ProceduralSource), "In place of `file`: a volume that a formula makes."
+    ),
 }
-VOLUME_TABLE: schema.FieldTable = _SOURCES | {"spacing": _SPACING} | schema.field_table(VolumeSpec)
+# The keys of a volume of which exactly one is given.
+SOURCES = schema.Alternatives([_SOURCES], [_SOURCES])
+VOLUME_TABLE: schema.FieldTable = (
+    _SOURCES
+    | {
+        "spacing": schema.described(
+            _SPACING,
+            "With `file`: the size of a voxel along x, y and z.",
+            words="the file's, or 1",
+            example="[0.1, 0.1, 0.5]",
+        )
+    }
+    | schema.field_table(VolumeSpec)
+)
 VOLUME_SECTION = schema.section_field(
-    VOLUME_TABLE, build_volume, misplaced_hints={"array": _ARRAY_HINT, "nonfinite": _NONFINITE_HINT}
+    VOLUME_TABLE,
+    build_volume,
+    misplaced_hints={"array": _ARRAY_HINT, "nonfinite": _NONFINITE_HINT},
+    alternatives=SOURCES,
 )

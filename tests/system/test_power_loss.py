@@ -72,4 +72,4 @@ def test_goldens(named: dict[str, bool]) -> None:
 def test_scenes(named: dict[str, bool]) -> None:
     write_volume(Path("scan.nrrd"), np.arange(216, dtype=np.uint8).reshape(6, 6, 6), "<")
     assert main.run(["init", "scan.nrrd", "--output", "scan.yaml"]) == 0
-    assert named == {"scan.yaml": True}
+    assert named == {"hsplat.schema.json": True, "scan.yaml": True}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from gallery_page import PAGE as GALLERY_PAGE, gallery_scenes
-from motion_page import MOTION_PAGE, motion_page
 from pixels_page import CROPS, PAGE as PIXELS_PAGE
+from scene_page import SCENE_PAGE, scene_page
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
 from renderer.accuracy import look_at_scene
@@ -119,8 +119,8 @@ def test_the_page_of_the_sidecar_has_the_keys_of_the_records() -> None:
     assert SIDECAR_PAGE.read_text("utf-8") == sidecar_page(), "write it by python tests/pages/sidecar_page.py"
 
 
-def test_the_page_of_motion_has_the_keys_that_can_move() -> None:
-    assert MOTION_PAGE.read_text("utf-8") == motion_page(), "write it by python tests/pages/motion_page.py"
+def test_the_page_of_scenes_has_the_keys_of_scenes() -> None:
+    assert SCENE_PAGE.read_text("utf-8") == scene_page(), "write it by python tests/pages/scene_page.py"
 
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])

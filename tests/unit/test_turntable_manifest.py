@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from commands import environment, other_process
 
+from hsplat_cli.scenes import SCHEMA_LINE
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import (
     FILM_ENTRY,
@@ -201,14 +202,14 @@ def test_an_edited_scene_is_kept_unless_forced(tmp_path: Path) -> None:
     write(order(tmp_path), "one")
     write(order(tmp_path), "two")
     unedited = file.read_text()
-    assert unedited.startswith("two\n# `hsplat turntable` replaces this file")
+    assert unedited.startswith(SCHEMA_LINE + "two\n# `hsplat turntable` replaces this file")
     for text in ("mine", unedited.replace("two", "2"), unedited + "\n", unedited.replace("scan.npy", "scan.mha")):
         file.write_text(text)
         with pytest.raises(InputError, match="perhaps one that was edited"):
             write(order(tmp_path), "three")
         assert file.read_text() == text
     write(order(tmp_path, force=True), "three")
-    assert file.read_text().startswith("three")
+    assert file.read_text().startswith(SCHEMA_LINE + "three")
 
 
 def test_a_film_is_done_until_its_scene_changes(tmp_path: Path) -> None:
@@ -230,4 +231,4 @@ def test_the_scene_of_another_volume_is_kept(volume: str, tmp_path: Path) -> Non
     with pytest.raises(InputError, match="another volume"):
         write(order(tmp_path, "scan.nrrd"), "three")
     write(order(tmp_path, "scan.nrrd", force=True), "three")
-    assert (tmp_path / "out" / "scan.yaml").read_text().startswith("three")
+    assert (tmp_path / "out" / "scan.yaml").read_text().startswith(SCHEMA_LINE + "three")

@@ -1,0 +1,154 @@
+"""Write the listing, the bounds and the moving keys into docs/scene.md: `python tests/pages/scene_page.py`."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from renderer.scene import (
+    FORMATS,
+    MAX_VOXELS,
+    MIN_TOLERANCE,
+    MIN_WORLD_LENGTH,
+    PATH_EXAMPLES,
+    SECTIONS,
+    scene_keys,
+    schema,
+)
+
+SCENE_PAGE = Path(__file__).resolve().parents[2] / "docs" / "scene.md"
+# Each part that is made: the text before it, and the text after it.
+_LISTING = ("```yaml\n", "```\n")
+_BOUNDS = ("| number | from | to |\n|---|---|---|\n", "\nOther bounds")
+_MOVING = ("of all others it is an error.\n\n", "\nOf labels, the color")
+
+_WIDTH = 120
+# The column of comments behind values, and the longest line that has its comment behind it.
+_COLUMN = 34
+_LONGEST = 66
+# Sections that scenes have although they may be left out, and a key that is not for the first output.
+_SHOWN = ("volume", "transfer_function")
+_HIDDEN = ("output.every",)
+_MOTIONS = {"linear": "", "ratio": " (in even ratios)", "direction": " (on the sphere)"}
+
+
+def scene_page() -> str:
+    """Return the page with the parts that follow from the types of all keys."""
+    text = SCENE_PAGE.read_text("utf-8")
+    for (before, after), lines in ((_LISTING, _listing()), (_BOUNDS, _bounds()), (_MOVING, _moving())):
+        head, _, rest = text.partition(before)
+        text = f"{head}{before}" + "".join(f"{line}\n" for line in lines) + after + rest.partition(after)[2]
+    return text
+
+
+def _listing() -> Iterator[str]:
+    for name, field in sorted(SECTIONS.items(), key=lambda item: item[0] != "version"):
+        is_live = field.is_needed or name in _SHOWN
+        own = {key: item for key, item in (field.table or {}).items() if key not in _others(name)}
+        if field.default is not None:
+            yield from _key_lines("", name, schema.yaml_flow(field.default), field)
+            yield from ["# or with keys:", f"# {name}:"] if own else []
+        elif own:
+            yield from _key_lines("" if is_live else "# ", name, "", field)
+        indents = ["  - ", *["    "] * len(own)] if name in ("clip", "volumes") else ["  "] * len(own)
+        for indent, (key, item) in zip(indents, own.items(), strict=False):
+            for number, value in enumerate(_values(key, item)):
+                is_shown = is_live and number == 0 and _is_shown(f"{name}.{key}", item)
+                text = item if number == 0 else None
+                mark = "  # " if is_live and not is_shown else "" if is_live else f"# {indent}"
+                yield from _key_lines(mark or indent, key, value, text)
+        yield ""
+
+
+def _others(name: str) -> tuple[str, ...]:
+    """Return the keys of a section that the listing has in `volume` already."""
+    return tuple(SECTIONS["volume"].table or {})[1:] if name in ("volumes", "mask") else ()
+
+
+def _is_shown(path: str, field: schema.FieldType[Any]) -> bool:
+    """Return whether a key of a section may stand beside all others that are shown."""
+    is_first = path in ("volume.file", "transfer_function.points")
+    return (field.is_needed or field.default is not None or is_first) and path not in _HIDDEN
+
+
+def _values(key: str, field: schema.FieldType[Any]) -> list[str]:
+    """Return the values of a key in the listing, as YAML: its default or an example, and its other forms."""
+    if key == "path":
+        return [*PATH_EXAMPLES]
+    if key in SECTIONS and field.table:
+        return ["[...]" if key == "clip" else "{...}"]
+    values = [schema.example_of(field)]
+    if field.table and key != "points":
+        values.append(f"{{{', '.join(f'{each}: {schema.example_of(item)}' for each, item in field.table.items())}}}")
+    return [value for value in dict.fromkeys(values) if len(value) < _WIDTH]
+
+
+def _key_lines(indent: str, key: str, value: str, field: schema.FieldType[Any] | None) -> Iterator[str]:
+    """Yield the lines of a key, its value, and the text on it, if a field is given.
+
+    indent: the text before the key: blanks, and a # where the key is commented out.
+    """
+    line = f"{indent}{key}: {value}".rstrip()
+    start = indent.rpartition("#")[0] + "#" if "#" in indent else ""
+    words = "" if field is None or field.text is None else field.text.sentence
+    if field is not None and field.text is not None and field.text.default:
+        words += f" Default: {field.text.default}."
+    words = f"Needed. {words}" if field is not None and field.is_needed else words
+    if len(line) > _LONGEST:
+        yield from (f"{indent}# {each}" for each in textwrap.wrap(words, _WIDTH - 10))
+        yield line
+        return
+    column = max(_COLUMN, len(line) + 2)
+    comments = textwrap.wrap(words, _WIDTH - column - 2) or [""]
+    yield f"{line:{column}}# {comments[0]}" if comments[0] else line
+    yield from (f"{start:{column}}# {each}" for each in comments[1:])
+
+
+def _bounds() -> Iterator[str]:
+    rows: dict[tuple[str, str], list[str]] = {}
+    for key, field in scene_keys():
+        is_repeated = key.partition(".")[0] in ("volumes", "mask") and key.partition(".")[2] != "weight"
+        for low, high in [] if field.table or is_repeated else _ranges(field.plain_schema(False)):
+            named = "parts of colors" if "black" in field.words else f"`{key}`"
+            rows.setdefault((low, high), []).append(named)
+    rows.setdefault(("1", _number(MAX_VOXELS)), []).append("voxels of a `shape`, in all")
+    rows.setdefault((_number(MIN_WORLD_LENGTH), "any"), []).append("the largest component of a direction")
+    rows.setdefault(("any", _number(FORMATS[".gif"].max_rate)), []).append("`output.frames_per_second` of a GIF")
+    for (low, high), keys in rows.items():
+        yield f"| {', '.join(dict.fromkeys(keys))} | {low} | {high} |"
+
+
+def _ranges(shape: Any) -> Iterator[tuple[str, str]]:
+    """Yield the bounds of all numbers in a JSON Schema, as words; of numbers without bounds none."""
+    if isinstance(shape, list):
+        for each in shape:
+            yield from _ranges(each)
+    elif isinstance(shape, dict):
+        if {"minimum", "maximum", "exclusiveMinimum"} & shape.keys():
+            low = _number(shape["minimum"]) if "minimum" in shape else "any"
+            low = f"above {_number(shape['exclusiveMinimum'])}" if "exclusiveMinimum" in shape else low
+            low = f"0, or {low}" if shape.get("minimum") == MIN_TOLERANCE else low
+            yield low, _number(shape["maximum"]) if "maximum" in shape else "any"
+        yield from _ranges([*shape.values()])
+
+
+def _number(value: Any) -> str:
+    """Return a number as readers know it: with blanks between thousands, or with an exponent."""
+    return f"{value:,}".replace(",", " ") if isinstance(value, int) else re.sub(r"e[+]?(-?)0?", r"e\1", f"{value:g}")
+
+
+def _moving() -> Iterator[str]:
+    by_section: dict[str, list[str]] = {}
+    for key, field in scene_keys():
+        section, _, rest = key.partition(".")
+        if field.motion is not None and rest:
+            by_section.setdefault(section, []).append(f"`{rest}`{_MOTIONS[field.motion]}")
+    for section, keys in by_section.items():
+        yield from textwrap.wrap(f"- `{section}`: {', '.join(keys)}", _WIDTH, subsequent_indent="  ")
+
+
+if __name__ == "__main__":
+    SCENE_PAGE.write_text(scene_page(), "utf-8")
