@@ -128,6 +128,8 @@ def test_faults_are_seen(tmp_path, monkeypatch, base: Base, fault: Callable[...,
         monkeypatch.setattr(judge_volumes, name, limit)
     assert judge_volume(unchanged(base), tmp_path / "right").outcome == "same"
     monkeypatch.setattr("renderer.readers.nrrd.read_nrrd", fault)
+    if fault is wait:
+        monkeypatch.setattr(judge_volumes, "_PATIENCE_S", 1)
     verdict = judge_volume(unchanged(base), tmp_path / "wrong")
     assert verdict.outcome == "wrong" and why in verdict.why
 

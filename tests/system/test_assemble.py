@@ -60,7 +60,10 @@ def told(path: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("output", "schedule"),
-    [("film.mp4", "{tolerance: {0: 0.5, 6: 0.02}}"), ("{frame}.png", "{splats: {0: 1, 6: 100}}")],
+    [
+        ("film.mp4", "{tolerance: {0: 0.5, 6: 0.02}, probes: 16}"),
+        ("{frame}.png", "{splats: {0: 1, 6: 100}, probes: 16}"),
+    ],
 )
 def test_as_if_made_in_one_go(schedule: str, output: str, folder: Path) -> None:
     options = ("--set", f"error={schedule}")
@@ -104,7 +107,7 @@ def test_other_versions_are_noted(parts: None, capsys: pytest.CaptureFixture[str
 
 def test_the_command_for_what_is_missing_draws_it(capsys: pytest.CaptureFixture[str]) -> None:
     """It needs only the sidecars, and no scene file."""
-    schedule = "{splats: {0: 1, 6: 100}}"
+    schedule = "{splats: {0: 1, 6: 100}, probes: 16}"
     run("render", "scene.yaml", "--set", f"error={schedule}", "--output", "whole.mp4")
     draw_parts("--set", f"error={schedule}", ranges=("0:3", "5:7"))
     Path("scene.yaml").unlink()
@@ -117,7 +120,9 @@ def test_the_command_for_what_is_missing_draws_it(capsys: pytest.CaptureFixture[
     assert Path("made.mp4").read_bytes() == Path("whole.mp4").read_bytes()
 
 
-@pytest.mark.parametrize(("output", "schedule"), [("film.mp4", "{psnr: 20}"), ("{frame}.png", "{seconds: 1}")])
+@pytest.mark.parametrize(
+    ("output", "schedule"), [("film.mp4", "{psnr: 20, probes: 16}"), ("{frame}.png", "{seconds: 1, probes: 16}")]
+)
 def test_what_was_put_together_is_up_to_date(output: str, schedule: str, capsys) -> None:
     """This holds for `assemble`, the scene and the sidecar, also where the parts are gone."""
     draw_parts("--set", f"error={schedule}")
@@ -199,7 +204,7 @@ def test_parts_without_the_same_fingerprint(parts: None, edit: Callable[[dict[st
 
 def test_some_frames_of_parts_that_met_a_goal_together() -> None:
     """Whether these alone meet it is unknown. The measurement of each part is recorded."""
-    draw_parts("--set", "error={psnr: 20}", ranges=("0:3", "3:7"))
+    draw_parts("--set", "error={psnr: 20, probes: 16}", ranges=("0:3", "3:7"))
     run("assemble", "parts", "--output", "film.mp4", "--frames", "3:7")
     assert "fingerprint" in sidecar("film.mp4.json")
     run("assemble", "parts", "--output", "film.mp4", "--frames", "2:7")

@@ -26,7 +26,11 @@ from hsplat_cli import main
 
 OUTPUTS = ["film.mp4", "{frame}.png"]
 # The default footprint first.
-SCENES: list[tuple[str | None, str | None]] = [(None, None), (None, "psnr: 30"), ("gaussian", "splats: 200")]
+SCENES: list[tuple[str | None, str | None]] = [
+    (None, None),
+    (None, "psnr: 30, probes: 16"),
+    ("gaussian", "splats: 200, probes: 16"),
+]
 
 
 class Command:

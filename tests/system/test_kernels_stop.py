@@ -159,8 +159,7 @@ LONG = mixed(
 
 
 @pytest.mark.usefixtures("heeds_interrupts", "folder")
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(("number", "threads"), [(signal.SIGTERM, 1), (signal.SIGINT, 2)])
 def test_a_signal_ends_a_process_inside_a_kernel(number: signal.Signals, threads: int) -> None:
     """With one thread, the main thread itself calls the kernel; with two, it waits for those that do."""
     assert stop_inside_a_kernel(COMMAND, number, threads) == (128 + number, ["hsplat: interrupted"])

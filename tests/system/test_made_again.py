@@ -30,10 +30,10 @@ def pictures(folder: Path) -> dict[str, bytes]:
 @pytest.mark.parametrize(
     ("schedule", "output", "frames"),
     [
-        ("{tolerance: {0: 0.5, 6: 0.02}}", "{frame:03}.png", ["--frames", "::3"]),
-        ("{tolerance: {0: 0, 2: 0, 3: 0.3, 5: 0.3, 6: 0}}", "film.gif", []),
-        ("{splats: {0: 1, 6: 100}}", "film.mp4", ["--frames", "::3"]),
-        ("{seconds: {0: 0.002, 6: 0.05}}", "film.mp4", []),
+        ("{tolerance: {0: 0.5, 6: 0.02}, probes: 16}", "{frame:03}.png", ["--frames", "::3"]),
+        ("{tolerance: {0: 0, 2: 0, 3: 0.3, 5: 0.3, 6: 0}, probes: 16}", "film.gif", []),
+        ("{splats: {0: 1, 6: 100}, probes: 16}", "film.mp4", ["--frames", "::3"]),
+        ("{seconds: {0: 0.002, 6: 0.05}, probes: 16}", "film.mp4", []),
     ],
 )
 def test_the_same_bytes(schedule: str, output: str, frames: list[str], folder: Path) -> None:

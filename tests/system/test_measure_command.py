@@ -17,7 +17,7 @@ from hsplat_cli.measure import Measurement, measure_setting, open_at_any_toleran
 from renderer.errors import RenderError
 from renderer.scene import Scene
 
-SCENE = small_scene(shape="32, 32, 16", frames=8, size="32, 24", error="tolerance: 0.1")
+SCENE = small_scene(shape="32, 32, 16", frames=8, size="24, 18", error="tolerance: 0.1")
 FEW = ("--thorough", "--repeats", "1", "--frames", "0:8:4")
 
 
@@ -45,7 +45,7 @@ def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
     assert found == {(name, tolerance, frame) for name in series for tolerance in (1.0, 0.5) for frame in (0, 4)}
     assert sorted(path.name for path in (folder / "out").iterdir()) == ["index.html", "measure.csv", "measure.json"]
     data = json.loads((folder / "out" / "measure.json").read_text("utf-8"))
-    assert data["scene"]["output"]["size"] == [32, 24]
+    assert data["scene"]["output"]["size"] == [24, 18]
     assert data["machine"]["cores"] >= 1 and data["machine"]["device"] and data["machine"]["versions"]["numpy"]
 
 

@@ -147,8 +147,15 @@ def test_a_client_that_leaves_is_no_news(capfd: pytest.CaptureFixture[str]) -> N
 
 
 @pytest.mark.usefixtures("heeds_interrupts")
-@pytest.mark.parametrize("option", ["--serve", "--watch"])
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGINT, 0)])
+@pytest.mark.parametrize(
+    ("option", "number", "status"),
+    [
+        ("--serve", signal.SIGTERM, 143),
+        ("--serve", signal.SIGINT, 0),
+        ("--watch", signal.SIGHUP, 129),
+        ("--watch", signal.SIGINT, 0),
+    ],
+)
 def test_signals_end_it(folder: Path, option: str, number: int, status: int) -> None:
     SCENE.write_text(small_scene(), "utf-8")
     command = [*HSPLAT, "preview", "scene.yaml", option]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
@@ -118,6 +120,20 @@ def run_pytest(folder: Path, *arguments: str, **variables: str) -> tuple[int, st
     return done.returncode, done.stdout + done.stderr
 
 
+def run_several(
+    folder: Path, calls: Sequence[Sequence[str]], events: Sequence[str] | None = None
+) -> list[tuple[int, str]]:
+    """Run pytest several times in one process; return the exit code of each run and what it prints.
+
+    calls: the arguments of each run. events: the event of each run, by default none.
+    """
+    runs = [*zip(calls, events or [""] * len(calls), strict=True)]
+    done = run(folder, "-c", SEVERAL, json.dumps(runs))
+    *texts, last = re.split(r"^ends with (\d+)\n", done.stdout, flags=re.MULTILINE)
+    assert last == "" and len(texts) == 2 * len(runs), done.stdout + done.stderr
+    return [(int(code), printed) for printed, code in zip(texts[::2], texts[1::2], strict=True)]
+
+
 def outcomes(printed: str) -> dict[str, str]:
     """Return the outcome of each test, by its name."""
     words = [line.split(" - ")[0].split() for line in printed.splitlines()]
@@ -202,17 +218,24 @@ def test_pictures_of_a_report_are_accepted(scenes: Path) -> None:
     edit_scene(name="box")
     assert run_pytest(scenes, "--golden-report", "out")[0] == 1
     shutil.make_archive("artifact", "zip", "out")
-    code, printed = run_pytest(scenes, "--golden-accept", "artifact.zip", "--golden-only", "scenes/engine:1-2")
+    (some, report, all_others) = run_several(
+        scenes,
+        [
+            ("--golden-accept", "artifact.zip", "--golden-only", "scenes/engine:1-2"),
+            ("--golden-report", "out"),
+            ("--golden-accept", "out"),
+        ],
+    )
+    code, printed = some
     assert code == 1 and "goldens: scenes/engine: 2 frames accepted" in printed
     assert "2 of 4 frames fail: 2 different, 2 the same" in printed
-    assert run_pytest(scenes, "--golden-report", "out")[0] == 1
-    code, printed = run_pytest(scenes, "--golden-accept", "out")
+    assert report[0] == 1
+    code, printed = all_others
     assert code == 0 and "goldens: scenes/box: 4 frames accepted" in printed, printed
     assert "goldens: scenes/engine: 2 frames accepted" in printed
 
 
-@pytest.mark.parametrize("option", ["--golden-report", "--golden-accept"])
-def test_a_path_outside_of_the_folder_needs_an_equals_sign(scenes: Path, option: str) -> None:
+def test_a_path_outside_of_the_folder_needs_an_equals_sign(scenes: Path) -> None:
     """pytest takes it for a path of tests otherwise, and looks for pytest.ini there."""
     edit_scene()
     inside = scenes / "inside"
@@ -220,14 +243,16 @@ def test_a_path_outside_of_the_folder_needs_an_equals_sign(scenes: Path, option:
     for name in ("scenes", "all", "golden.yaml", "test_scenes.py"):
         (scenes / name).rename(inside / name)
     (inside / "pytest.ini").write_text("[pytest]\n", "utf-8")
-    assert run_pytest(inside, "--golden-report=../my report")[0] == 1
-    code, printed = run_pytest(inside, option, "../my report")
-    assert code == 4
-    assert f"{option} ../my report: pytest would look for pytest.ini there" in printed
-    assert f"hint: write {option}='../my report'" in printed
-    code, printed = run_pytest(inside, f"{option}=../my report")
-    assert code == (0 if option == "--golden-accept" else 1) and "configfile: pytest.ini" in printed, printed
-    assert outcomes(printed).keys() == {"test_golden[scenes/box]", "test_golden[scenes/engine]"}
+    report, accept = "--golden-report", "--golden-accept"
+    calls = ([f"{report}=../my report"], [report, "../my report"], [accept, "../my report"], [f"{accept}=../my report"])
+    ends = run_several(inside, [("-rA", *call) for call in calls])
+    assert [code for code, _ in ends] == [1, 4, 4, 0], ends
+    for option, (_, printed) in zip((report, accept), ends[1:3], strict=True):
+        assert f"{option} ../my report: pytest would look for pytest.ini there" in printed
+        assert f"hint: write {option}='../my report'" in printed
+    for _, printed in (ends[0], ends[3]):
+        assert "configfile: pytest.ini" in printed
+        assert outcomes(printed).keys() == {"test_golden[scenes/box]", "test_golden[scenes/engine]"}
 
 
 def test_why_nothing_is_accepted(scenes: Path) -> None:
@@ -242,11 +267,9 @@ def test_why_nothing_is_accepted(scenes: Path) -> None:
         ((*accept, "--golden-only", "scenes/engine:9"), "", "these frames do not fail in this report"),
         (accept, "pull_request", "goldens do not change in a job that a change of the code starts"),
     )
-    printed = run(scenes, "-c", SEVERAL, json.dumps([(arguments, event) for arguments, event, _ in wrong])).stdout
-    *ends, last = printed.split("ends with 4\n")
-    assert last == "" and "Traceback" not in printed, printed
-    for (_, _, error), end in zip(wrong, ends, strict=True):
-        assert error in end, end
+    ends = run_several(scenes, [arguments for arguments, *_ in wrong], [event for _, event, _ in wrong])
+    for (_, _, error), (code, printed) in zip(wrong, ends, strict=True):
+        assert code == 4 and error in printed and "Traceback" not in printed, printed
     assert before == {path: path.read_bytes() for path in Path("all").rglob("*") if path.is_file()}
     assert run_pytest(scenes, *accept, GITHUB_EVENT_NAME="workflow_dispatch")[0] == 0
 

@@ -265,14 +265,14 @@ def test_frames_of_different_devices(draws: Draws, capsys: pytest.CaptureFixture
 
 def test_frames_on_a_budget_of_time_are_kept(draws: Draws) -> None:
     output = "film.mp4"
-    given = ("--set", "error={seconds: 0.05}", "--best-effort")
+    given = ("--set", "error={seconds: 0.05, probes: 16}", "--best-effort")
     interrupt_render(draws, output, *given)
     render(output, *given)
     assert draws.take_numbers() == [3, 4]
     assert_clean()
 
 
-GOALS = ["{splats: {0: 1, 4: 100}}", "{psnr: 25}", "{seconds: 60}"]
+GOALS = ["{splats: {0: 1, 4: 100}, probes: 16}", "{psnr: 25, probes: 16}", "{seconds: 60, probes: 16}"]
 
 
 @pytest.mark.parametrize(
@@ -305,7 +305,7 @@ def test_a_film_and_its_sidecar_meet_the_same_goal(goal: str, output: str, draws
 
 def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     """Whether the part alone meets it is unknown: it counts as requested at the tolerances of the whole."""
-    given, part = ("--set", "error={psnr: 25}"), ("--frames", "1:3", "--output", "out/part/{frame}.png")
+    given, part = ("--set", "error={psnr: 25, probes: 16}"), ("--frames", "1:3", "--output", "out/part/{frame}.png")
     render("{frame}.png", *given)
     rerender("frames.json", *part)
     told = sidecar("part/frames.1-2.json")["schedule"]
@@ -351,7 +351,7 @@ def test_a_goal_counts_as_unmeasured_when_something_changed(what: str, goal: str
 
 def test_frames_that_were_kept_for_the_same_goal(draws: Draws) -> None:
     """Frames of the scene are kept for the sidecar, and the other way round, if they are as exact."""
-    given = ("--set", "error={splats: {0: 1, 4: 100}}")
+    given = ("--set", "error={splats: {0: 1, 4: 100}, probes: 16}")
     render("film.mp4", *given)
     expected = output_files()
     Path("out/film.mp4").unlink()
@@ -386,7 +386,7 @@ def test_a_film_that_is_partly_replaced_by_another(draws: Draws) -> None:
 
 def test_frames_that_were_kept_but_drawn_at_other_tolerances(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     """On a time budget, the sidecar records the tolerances of the film."""
-    given = ("--set", "error={seconds: 60}")
+    given = ("--set", "error={seconds: 60, probes: 16}")
     render("film.mp4", *given)
     expected = output_files()
     Path("out/film.mp4").unlink()

@@ -76,7 +76,7 @@ def test_the_example(tmp_path: Path, port: int) -> None:
         assert wait_until(lambda: is_open(port), LONGEST_S)
         stack.enter_context(running(worker, tmp_path))
         with pytest.raises(OSError):  # noqa: PT011  its text is Dask's
-            asyncio.run(connect(f"tcp://127.0.0.1:{port}", timeout=3))
+            asyncio.run(connect(f"tcp://127.0.0.1:{port}", timeout=1))
         with shell(render, tmp_path) as process:
             printed, _ = process.communicate(timeout=LONGEST_S)
         assert process.returncode == 0, printed

@@ -93,6 +93,12 @@ def _programs(path: Path) -> Iterator[ast.AST]:
 
 
 @cache
+def _names_imported_by_programs(path: Path) -> frozenset[tuple[str, str]]:
+    """Return all that a test file and its programs import."""
+    return frozenset(each for tree in _programs(path) for each in _names_imported_by(tree, path))
+
+
+@cache
 def _offers(module: str) -> dict[str, bool]:
     """Return the names at the door of a room, and of each whether it is there for tests alone."""
     stub = ROOT / module.replace(".", "/") / "__init__.pyi"
@@ -151,14 +157,13 @@ def test_tests_enter_by_doors() -> None:
     The place behind a door where a test puts a fault in, or makes a limit small, is a text for `setattr`.
     """
     for path in sorted((ROOT / "tests").rglob("*.py")):
-        for module in {name for tree in _programs(path) for name, _ in _names_imported_by(tree, path)}:
+        for module in {name for name, _ in _names_imported_by_programs(path)}:
             is_inside = module.partition(".")[0] in ORDER and not module.startswith("hsplat_cli.commands.")
             assert not is_inside or _is_door(module), f"{path} imports {module}, which is behind a door"
 
 
 def test_names_for_tests_alone_are_used_by_tests_alone() -> None:
-    tests = (ROOT / "tests").rglob("*.py")
-    tested = {each for path in tests for tree in _programs(path) for each in _names_imported_by(tree, path)}
+    tested = {each for path in (ROOT / "tests").rglob("*.py") for each in _names_imported_by_programs(path)}
     for room in ROOMS:
         names = {name for name, is_for_tests in _offers(room).items() if is_for_tests}
         used = {name for path in SOURCES.values() for module, name in _imported_names(path) if module == room}

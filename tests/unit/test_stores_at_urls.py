@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -105,34 +106,49 @@ except InputError as error:
 """
 
 
-def _read_soon(server: ServedFolder, *, stalled: int = 1, whole: float = 60) -> str:
-    """Return the sum of voxels of a chunk, or an error. stalled, whole: limits in seconds, without and with retries."""
-    command = [sys.executable, "-c", _READ_SOON, f"{server.url}/a.ome.zarr", str(stalled), str(whole)]
-    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+# The files of a store that a server stalls at: a chunk, the metadata of an array, those of the store.
+_STALLED = ("0/1.1.1", "0/.zarray", ".zattrs")
 
 
-@pytest.mark.parametrize("name", ["0/1.1.1", ".zattrs"])
-def test_a_server_that_stalls_is_asked_again(server: ServedFolder, name: str) -> None:
-    server.faults = {name: [STALL]}
-    assert _read_soon(server) == f"{FIELD[5:7, 5:7, 5:7].sum()}\n"
-    assert server.asked.count(f"/a.ome.zarr/{name}") == 2
+def _read_soon(
+    folder: Path, num_stalls: int, *, stalled: int = 1, whole: float = 60
+) -> list[tuple[str, ServedFolder, str]]:
+    """Return what the reading of a chunk prints where the server stalls: the sum of voxels, or an error.
+
+    All of _STALLED wait at the same time, each with a server of its own. The result has the name of the file, its
+    server, and the printed text. num_stalls: how many requests for the file are not answered. stalled, whole: limits in
+    seconds, without and with retries.
+    """
+    write_ome(folder / "a.ome.zarr", LEVELS, PLACES)
+    with ExitStack() as stack:
+        servers = [stack.enter_context(served_folder(folder)) for _ in _STALLED]
+        readers = []
+        for name, server in zip(_STALLED, servers, strict=True):
+            server.faults = {name: [STALL] * num_stalls}
+            command = [sys.executable, "-c", _READ_SOON, f"{server.url}/a.ome.zarr", str(stalled), str(whole)]
+            readers.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+        shown = [reader.communicate(timeout=120)[0] for reader in readers]
+    assert [reader.returncode for reader in readers] == [0] * len(_STALLED)
+    return [*zip(_STALLED, servers, shown, strict=True)]
 
 
-@pytest.mark.parametrize("name", ["0/1.1.1", "0/.zarray", ".zattrs"])
-def test_a_server_that_stalls_for_good_is_an_error(server: ServedFolder, name: str) -> None:
-    server.faults = {name: [STALL] * 9}
-    shown = _read_soon(server)
-    assert shown.startswith(f"{server.url}/a.ome.zarr") and "retry attempts failed" in shown
-    assert "hint: the server or the network failed, also after retries: run the command again" in shown
-    assert server.asked.count(f"/a.ome.zarr/{name}") == 2
+def test_a_server_that_stalls_is_asked_again(tmp_path: Path) -> None:
+    for name, server, shown in _read_soon(tmp_path, 1):
+        assert shown == f"{FIELD[5:7, 5:7, 5:7].sum()}\n"
+        assert server.asked.count(f"/a.ome.zarr/{name}") == 2
 
 
-@pytest.mark.parametrize("name", ["0/1.1.1", "0/.zarray", ".zattrs"])
-def test_no_request_takes_longer_than_its_limit(server: ServedFolder, name: str) -> None:
+def test_a_server_that_stalls_for_good_is_an_error(tmp_path: Path) -> None:
+    for name, server, shown in _read_soon(tmp_path, 9):
+        assert shown.startswith(f"{server.url}/a.ome.zarr") and "retry attempts failed" in shown
+        assert "hint: the server or the network failed, also after retries: run the command again" in shown
+        assert server.asked.count(f"/a.ome.zarr/{name}") == 2
+
+
+def test_no_request_takes_longer_than_its_limit(tmp_path: Path) -> None:
     """Also where the limit of a server that stalls does not hold, as of one that sends a byte now and then."""
-    server.faults = {name: [STALL] * 9}
-    shown = _read_soon(server, stalled=600, whole=0.5)
-    assert shown.startswith(f"{server.url}/a.ome.zarr") and "got: no answer in time" in shown
+    for _, server, shown in _read_soon(tmp_path, 9, stalled=600, whole=1):
+        assert shown.startswith(f"{server.url}/a.ome.zarr") and "got: no answer in time" in shown
 
 
 @pytest.mark.parametrize(
