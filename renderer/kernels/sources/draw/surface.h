@@ -100,11 +100,11 @@ INLINE Floats surface_reflectance(Floats albedo) {
 }
 
 // Return the light at samples. texel: their positions in the brick, in texels. sample: their albedos. to_viewer: the unit
-// vectors to the viewer.
+// vectors to the viewer. needed: the samples that count.
 INLINE SurfacePoint surface_point(const BrickRadiance& radiance, const Three& texel, const Sample& sample,
-                                  const Three& to_viewer) {
+                                  const Three& to_viewer, Mask needed) {
     const SurfaceCells& cells = radiance.grid->surface.value;
-    const ManyNumbers numbers = look_up_all(radiance.grid->cells, place_in(radiance, texel));
+    const ManyNumbers numbers = look_up_all(radiance.grid->cells, place_in(radiance, texel), needed);
     const auto& [red, green, blue, share] = numbers.fours[0];
     auto rest = [&](Floats all, int channel) { return fma(share, -0.25f * cells.key_light[channel], all); };
     Three halfway = {to_viewer.x + cells.key[0], to_viewer.y + cells.key[1], to_viewer.z + cells.key[2]};
