@@ -26,8 +26,8 @@ def processor_level() -> int:
     """Return the level of the processors that this process's kernels are compiled for.
 
     The level is 1, 3 or 4 on x86-64, and 0 on other machines: the highest one that the processor offers and that was
-    compiled. Raises InputError if the environment asks for a level
-    that the processor does not offer, and RenderError if the library that finds the level cannot be loaded.
+    compiled. Raises InputError if the environment asks for a level that the processor does not offer, and RenderError
+    if the library that finds the level cannot be loaded.
     """
     offered = best_level(_load("processor").processor_level(), this_target())
     wanted = os.environ.get(LEVEL_VARIABLE, "")  # noqa: TID251  read once, before anything is drawn

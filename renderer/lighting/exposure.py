@@ -1,8 +1,9 @@
 """Choose the exposure of a scene's light, so that the brightest of the visible matter shows its colours.
 
 The matter is seen along the six axes of the grid. In even white light it would show its colours; in the scene's light
-it shows albedo times mean radiance, and its surfaces what they reflect to the viewer. Pixels are compared by their
-ratio: the exposure makes BRIGHT_SHARE of all that is seen at most as bright as in even white light.
+it shows albedo times mean radiance, and its surfaces what they reflect to the viewer. Pixels are compared by the ratio
+of their brightest channels, as a picture cuts these off first: the exposure makes BRIGHT_SHARE of all that is seen at
+most as bright as in even white light.
 """
 
 from __future__ import annotations
@@ -20,8 +21,6 @@ from renderer.volume import Float32, Float64
 
 # The share of the visible matter that shows at most its colours.
 BRIGHT_SHARE = 0.9
-# The weights of linear red, green and blue in luminance (Rec. 709).
-_LUMINANCE = (0.2126, 0.7152, 0.0722)
 # The exposure is a multiple of this, in stops, so that the processor's rounding does not change it.
 _STEP_STOPS = 1 / 64
 # The length, in cells, whose opacity tells surfaces. Pictures measure it in voxels, which most cells are as wide as.
@@ -54,7 +53,7 @@ def choose_stops(grid: RadianceGrid, sources: LightSources) -> float:
 
 
 def _pictures(grid: RadianceGrid, sources: LightSources) -> Iterator[tuple[Float32, Float32]]:
-    """Yield, for each of six views, the luminance in the scene's light and in even white light, float32 [n, m]."""
+    """Yield, for each of six views, the brightest channel in the scene's light and in even white light."""
     x = grid.matter.shape_xyz[0]
     cells = grid.matter.cells[..., :x]
     depths = cells[3]
@@ -62,14 +61,14 @@ def _pictures(grid: RadianceGrid, sources: LightSources) -> Iterator[tuple[Float
     radiance = np.moveaxis(grid.mean_radiance, -1, 0)
     matter = _Matter(depths, -np.expm1(-depths), albedos, albedos * radiance)
     surfaces = None if sources.surface is None else _Surfaces(grid, matter, sources, sources.surface)
-    scattered = matter.opacities * _luminance(matter.scattered)
-    colored = matter.opacities * _luminance(_colors(albedos, matter.opacities).astype(np.float32))
+    scattered = matter.opacities * _brightest(matter.scattered)
+    colored = matter.opacities * _brightest(_colors(albedos, matter.opacities).astype(np.float32))
     for axis in range(3):
         for is_reversed in (False, True):
             if surfaces is not None:
                 to_viewer = np.zeros(3)
                 to_viewer[2 - axis] = 1.0 if is_reversed else -1.0
-                scattered = matter.opacities * _luminance(surfaces.shown_to(to_viewer))
+                scattered = matter.opacities * _brightest(surfaces.shown_to(to_viewer))
             yield _seen_along((matter.opacities, scattered, colored), axis, is_reversed=is_reversed)
 
 
@@ -107,9 +106,9 @@ def _colors(albedos: Float32, opacities: Float32) -> Float64:
     return np.asarray((1 - opacities) * albedos + opacities * color_of_thick(albedos))
 
 
-def _luminance(colors: Float32) -> Float32:
-    red, green, blue = colors
-    return np.asarray(_LUMINANCE[0] * red + _LUMINANCE[1] * green + _LUMINANCE[2] * blue, np.float32)
+def _brightest(colors: Float32) -> Float32:
+    """Return the largest of red, green and blue, which a picture cuts off first."""
+    return np.asarray(colors.max(axis=0))
 
 
 def _seen_along(arrays: tuple[Float32, Float32, Float32], axis: int, *, is_reversed: bool) -> tuple[Float32, Float32]:
