@@ -33,11 +33,10 @@ from renderer.errors import InputError
 from renderer.kernels import ThreadPool, kernels
 from renderer.lighting.environment import LightSources, environment_radiance
 from renderer.lighting.matter_grid import ROW_CELLS, Matter, MatterGrid, average_layers, coarser, place_grid
+from renderer.scene import LightSpec
 from renderer.system import free_bytes
 from renderer.volume import Float32, Float64
 
-# The largest number of cells along an axis of the grid, with the empty cells at both borders.
-MAX_GRID_CELLS = 128
 # The width of a cell, in the finest spacing of all volumes, where the grid has few enough cells. Pictures of a head of
 # 64 x 64 x 93 voxels are within 40.2 dB of Monte Carlo with cells of one voxel, 34.8 dB with cells of two, and 30.6 dB
 # with cells of four; at the coarse tolerance of 0.6, within 37.4, 33.8 and 30.2 dB. So the tolerance does not choose
@@ -95,7 +94,7 @@ def compute_radiance_grid(
     sources: LightSources,
     *,
     cell_voxels: float = CELL_VOXELS,
-    max_cells: int = MAX_GRID_CELLS,
+    max_cells: int = LightSpec.cells,
     with_flux: bool = False,
     num_threads: int = 1,
 ) -> RadianceGrid:

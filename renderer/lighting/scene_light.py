@@ -68,7 +68,11 @@ def solve_scene_light(
         arrays = found
         if arrays is None:
             grid = compute_radiance_grid(
-                layers, sources, with_flux=sources.surface is not None, num_threads=num_threads
+                layers,
+                sources,
+                max_cells=light.cells,
+                with_flux=sources.surface is not None,
+                num_threads=num_threads,
             )
             stops = stops if light.exposure is None else light.exposure
             arrays = _shown(grid, choose_stops(grid, sources) if stops is None else stops)

@@ -161,7 +161,7 @@ SECTIONS = {
         light=LightSpec(
             EnvironmentSpec((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (0.0, 0.0, 1 / 3)), AXIS,
             KeySpec(moving(Motion((0, 7), (AXIS, (0.0, 0.0, 1.0)), kind="direction")), (0.5, 1.0, 0.0), 1 / 3, 0.5),
-            scattering=1 / 3, surface=0.7, specular=0.1, shininess=12.5, exposure=-2.25)),
+            scattering=1 / 3, surface=0.7, specular=0.1, shininess=12.5, exposure=-2.25, cells=200)),
     "light of the camera": replace(PLAIN, light=LightSpec(key=KeySpec("camera"))),
     "fog": replace(PLAIN, fog=FogSpec((-1 / 3, 2.5), moving(Motion((0, 7), ((1.0, 0.0, 0.0), (0.0, 0.5, 1.0)))))),
     "light as it is": replace(PLAIN, light=LightSpec()),
