@@ -22,7 +22,7 @@ from renderer.api_layers import (
     plain,
     volume_section,
 )
-from renderer.errors import InputError, SceneError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import is_volume_name, read_volume
 from renderer.resolve import resolve_scene
 from renderer.scene import (
@@ -95,6 +95,11 @@ def _with_labels(layers: list[Layer], labels: Any) -> list[Layer]:
         return [replace(layers[0], labels=labels, transfer_function=None)]
     if labels is None:
         return layers
+    if isinstance(labels, (list, tuple)) and labels and all(isinstance(each, str) for each in labels):
+        expected = "a volume of labels, or a mapping from numbers to names"
+        hint = '`labels={1: "liver"}` names the label 1'
+        got = argument_text(labels)
+        raise InputError("names without numbers", where="labels", got=got, expected=expected, hint=hint)
     (layer,) = layers_of([labels]) if isinstance(labels, Layer) else [Layer(labels)]
     return [*layers, replace(layer, name=layer.name or "labels", labels=layer.labels or {})]
 
@@ -263,8 +268,16 @@ def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> FilmScene:
     try:
         return parse_scene(tree, base=Path.cwd(), is_single_frame=is_single_frame)
     except SceneError as error:
-        found = [replace(each, path=_parameter(each.path)) for each in error.problems]
-        raise SceneError([*dict.fromkeys(found)]) from None
+        raise SceneError([*dict.fromkeys(map(_in_words_of_the_api, error.problems))]) from None
+
+
+def _in_words_of_the_api(problem: Problem) -> Problem:
+    """Return a mistake in a scene with the parameter of the API that sets the key, and the API's control points."""
+    place, _, last = problem.path.rpartition(".")
+    hint = problem.hint
+    if place.endswith("transfer_function.points") and last.isdecimal():
+        hint = hint or "`(value, color, opacity)` is a control point, too"
+    return replace(problem, path=_parameter(problem.path), hint=hint)
 
 
 def _parameter(path: str) -> str:

@@ -106,6 +106,27 @@ def test_what_is_no_volume() -> None:
         renderer.load_scene("missing.yaml")
 
 
+def test_what_stands_in_the_place_of_a_volume() -> None:
+    mistakes: dict[str, dict[str, Any]] = {
+        "volume: a list of names and volumes": {"volume": [{"CT": ARRAY}]},
+        "volume: a list of names and volumes\n": {"volume": [ARRAY, ("CT", ARRAY)]},
+        "labels: names without numbers": {"labels": ["liver", "spleen"]},
+        "mask: not a volume": {"mask": {1: "liver"}},
+        "transfer_function.points.1: not a mapping\n  got: [1, 'red']\n  expected: a mapping with value and color\n"
+        "  hint: `(value, color, opacity)` is a control point, too\nsize: ": {
+            "transfer_function": [(0, "red", 0.5), (1, "red")],
+            "size": 0,
+        },
+        "the array: not the axes of a volume\n  got: [1, None]": {"volume": [1, None]},
+        "the array: not the axes of a volume\n  got: shape [1, 1, 3, 4, 5]\n"
+        "  expected: three axes, [z, y, x]\n  hint: `array[0, 0]`": {"volume": ARRAY[np.newaxis, np.newaxis]},
+    }
+    for start, options in mistakes.items():
+        with pytest.raises(renderer.InputError) as error:
+            renderer.suggest_scene(**{"volume": ARRAY} | options)
+        assert str(error.value).startswith(start)
+
+
 @pytest.mark.parametrize("frames", [120, -121, [], [3, 3], [3, 2], "0:3", 1.5, [0.5], range(5, 5), slice(200, None)])
 def test_frames_that_are_not_on_the_path(frames: Any) -> None:
     scene = renderer.suggest_scene(ARRAY)
