@@ -179,11 +179,11 @@ def suggest_scene(
     volume: an array [z, y, x] of integers, booleans or floats, which is never changed; an image of nibabel, ITK,
         SimpleITK or xarray, or a layer of napari, which has its own lengths and axes; or the name of a volume's file.
         Several in a list, or in a mapping from names, make one picture, in which the light of each has a colour of its
-        own and adds up. A `Layer` gives a volume its own place and look. An array without a place lies on the grid of
-        the first volume.
-    labels: a volume of labels that is drawn in the volume, whose surface becomes a translucent shell; a `Layer` gives
-        the labels names. Or, for a volume that is labels itself, a mapping from numbers to names, or the keys of
-        `labels` in a scene file.
+        own and adds up. A `Layer` gives a volume its own place and look: `Layer(array, labels={})` shows labels. An
+        array without a place lies on the grid of the first volume.
+    labels: a volume of labels that is drawn in the volume, whose surface becomes a translucent shell; several volumes
+        keep the colours of channels, and are mixed. A `Layer` gives the labels names. Or, for a volume that is labels
+        itself, a mapping from numbers to names, or the keys of `labels` in a scene file.
     mask: a volume of labels: the picture shows only what is inside of them; a `Layer` chooses some of the labels.
     spacing: lengths of a voxel along (x, y, z), in world units; by default 1, or the lengths of the image or the file.
     transfer_function: by default, a transfer function is suggested, as by `hsplat init`. Other values are the name of a
