@@ -20,6 +20,7 @@ import numpy as np
 from renderer.api_layers import ImageLike, Layer, TransferLike, VolumesLike
 from renderer.api_scenes import (
     CameraLike,
+    LightLike,
     SceneLike,
     argument_text,
     frame_number,
@@ -166,6 +167,7 @@ def suggest_scene(
     mask: ImageLike | Layer | None = None,
     spacing: Sequence[float] | None = None,
     transfer_function: TransferLike | None = None,
+    light: LightLike | None = None,
     camera: CameraLike | None = None,
     size: tuple[int, int] | None = None,
     background: str | Sequence[float] | None = None,
@@ -179,17 +181,19 @@ def suggest_scene(
     volume: an array [z, y, x] of integers, booleans or floats, which is never changed; an image of nibabel, ITK,
         SimpleITK or xarray, or a layer of napari, which has its own lengths and axes; or the name of a volume's file.
         Several in a list, or in a mapping from names, make one picture, in which the light of each has a colour of its
-        own and adds up. A `Layer` gives a volume its own place and look. An array without a place lies on the grid of
-        the first volume.
-    labels: a volume of labels that is drawn in the volume, whose surface becomes a translucent shell; a `Layer` gives
-        the labels names. Or, for a volume that is labels itself, a mapping from numbers to names, or the keys of
-        `labels` in a scene file.
+        own and adds up. A `Layer` gives a volume its own place and look: `Layer(array, labels={})` shows labels. An
+        array without a place lies on the grid of the first volume.
+    labels: a volume of labels that is drawn in the volume, whose surface becomes a translucent shell; several volumes
+        keep the colours of channels, and are mixed. A `Layer` gives the labels names. Or, for a volume that is labels
+        itself, a mapping from numbers to names, or the keys of `labels` in a scene file.
     mask: a volume of labels: the picture shows only what is inside of them; a `Layer` chooses some of the labels.
     spacing: lengths of a voxel along (x, y, z), in world units; by default 1, or the lengths of the image or the file.
     transfer_function: by default, a transfer function is suggested, as by `hsplat init`. Other values are the name of a
         colormap, for the colours of the suggestion; `{"preset": "bone"}`, with a preset of `hsplat init --preset`;
         control points `(value, color, opacity)`; or a mapping or a TransferSpec, as in a scene file. Opacities are per
         smallest spacing.
+    light: light that matter scatters, in place of shading: studio, outdoor or overcast, as `hsplat init --light`
+        suggests it for one volume; or a mapping, as in a scene file. It suits opaque matter, and takes longer.
     camera: a mapping or a CameraSpec, as in a scene file. Missing keys have the values of a turntable of 120 frames, 20
         degrees above the object, framed so that nothing is cut off.
     size: (width, height) of the pictures, in pixels; 512 x 512 by default.
@@ -206,7 +210,7 @@ def suggest_scene(
     >>> scene = renderer.suggest_scene({"nuclei": array, "membranes": array**2}, output="cells.mp4")
     """
     options: dict[str, Any] = {"labels": labels, "mask": mask, "spacing": spacing}
-    options |= {"transfer_function": transfer_function, "camera": camera}
+    options |= {"transfer_function": transfer_function, "light": light, "camera": camera}
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": output}
     return make_scene(volume, options, is_volume=True)
 
@@ -220,6 +224,7 @@ def render_frame(
     mask: ImageLike | Layer | None = None,
     spacing: Sequence[float] | None = None,
     transfer_function: TransferLike | None = None,
+    light: LightLike | None = None,
     camera: CameraLike | None = None,
     size: tuple[int, int] | None = None,
     background: str | Sequence[float] | None = None,
@@ -232,8 +237,8 @@ def render_frame(
     scene: a Scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
         suggested.
     frame: the number of the frame on the camera's path; -1 for the last frame.
-    labels, mask, spacing, transfer_function, camera, size, background, tolerance: as in `suggest_scene`; they replace
-        the values of a scene.
+    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance: as in `suggest_scene`; they
+        replace the values of a scene, in which `light` is a mapping.
 
     Returns the picture: a uint8 array [height, width, 3], or [height, width, 4] with straight alpha where the
     background is transparent. It has the bytes that `hsplat render` writes.
@@ -243,9 +248,10 @@ def render_frame(
     -------
     >>> image = renderer.render_frame(array, spacing=(1, 1, 2), background="white")
     >>> image = renderer.render_frame(array, labels=array > 100, mask=array > 20)
+    >>> image = renderer.render_frame(array, light="studio")
     """
     options: dict[str, Any] = {"labels": labels, "mask": mask, "spacing": spacing}
-    options |= {"transfer_function": transfer_function, "camera": camera}
+    options |= {"transfer_function": transfer_function, "light": light, "camera": camera}
     # Nothing is written, so the picture may have an odd size or be transparent, whatever the scene's output allows.
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": _ANY_PICTURE}
     made = make_scene(scene, options)

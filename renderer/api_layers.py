@@ -122,7 +122,7 @@ _SEVERAL = "one volume, several in a list, or a mapping from names to volumes"
 
 
 def layers_of(volumes: Any) -> list[Layer]:
-    """Return a layer for each volume. Raises InputError for an empty list, and for names that are no texts."""
+    """Return a layer for each volume. Raises InputError for an empty list, and for wrong names, or names in a list."""
     if isinstance(volumes, Mapping):
         for name in volumes:
             if not isinstance(name, str) or not name.strip():
@@ -130,6 +130,9 @@ def layers_of(volumes: Any) -> list[Layer]:
                     "not the name of a volume", where="volume", got=short_text(repr(name)), expected="text"
                 )
         made = [replace(_as_layer(each), name=name) for name, each in volumes.items()]
+    elif isinstance(volumes, (list, tuple)) and any(map(_is_named, volumes)):
+        hint = 'a mapping gives volumes their names: `{"CT": ct, "PET": pet}`'
+        raise InputError("a list of names and volumes", where="volume", expected=_SEVERAL, hint=hint)
     elif isinstance(volumes, (list, tuple)) and (not len(volumes) or any(map(_is_layer, volumes))):
         made = [_as_layer(each) for each in volumes]
     else:
@@ -143,6 +146,11 @@ def _is_layer(item: object) -> bool:
     """Return whether an item of a list is a volume of its own, and not a slice or a row of numbers."""
     is_whole = isinstance(item, (str, os.PathLike, Layer)) or is_image_object(item)
     return is_whole or (hasattr(item, "__array__") and getattr(item, "ndim", 0) >= 3)
+
+
+def _is_named(item: object) -> bool:
+    """Return whether an item of a list is a mapping from names, or a pair of a name and something else."""
+    return isinstance(item, Mapping) or (isinstance(item, (list, tuple)) and isinstance(next(iter(item), None), str))
 
 
 def _as_layer(value: Any) -> Layer:
@@ -244,7 +252,11 @@ def _require_shape(source: ArraySource, grid: Grid) -> None:
 
 
 def mask_section(mask: Any, grid: Callable[[], Grid]) -> dict[str, Any]:
-    """Return the keys of a mask in the tree of a scene."""
+    """Return the keys of a mask in the tree of a scene. Raises InputError for a mapping, which has no voxels."""
+    if isinstance(mask, Mapping):
+        hint = '`renderer.Layer(values, labels={"show": [1, 2]})` chooses labels of the volume `values`'
+        got = short_text(repr(mask))
+        raise InputError("not a volume", where="mask", got=got, expected="a volume of labels", hint=hint)
     (layer,) = layers_of([mask]) if isinstance(mask, Layer) else [Layer(mask)]
     chosen = {} if layer.labels is None else labels_section(layer.labels)
     return volume_section(layer, "the mask", None, grid) | chosen

@@ -22,15 +22,17 @@ from renderer.api_layers import (
     plain,
     volume_section,
 )
-from renderer.errors import InputError, SceneError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import is_volume_name, read_volume
 from renderer.resolve import resolve_scene
 from renderer.scene import (
+    ENVIRONMENTS,
     ArraySource,
     CameraSpec,
     FilmScene,
     Scene,
     VolumeSpec,
+    did_you_mean,
     load_scene,
     only_output,
     output_suffix,
@@ -44,6 +46,8 @@ from renderer.suggest import NO_WISH, FilmOptions, Wish, suggest_several
 SceneLike: TypeAlias = "FilmScene | VolumesLike"
 # The types that the API takes for a camera: a mapping, or a CameraSpec.
 CameraLike: TypeAlias = "Mapping[str, Any] | CameraSpec"
+# The types that the API takes for a light: a mapping, or the name of an environment.
+LightLike: TypeAlias = "Mapping[str, Any] | str"
 
 # The keys of a scene, each with the parameter of the API that sets it. Errors name the parameter.
 _PARAMETERS = {
@@ -79,10 +83,13 @@ def make_scene(
     if transfer is not None:
         _require_one(layers, labels)
         layers[0] = replace(layers[0], transfer_function=transfer)
+    environment = others.pop("light", None) if isinstance(others.get("light"), str) else None
+    if environment is not None:
+        _require_light(layers, environment)
     given = {name: plain(value) for name, value in others.items()}
     tree = _subject(layers, given.pop("spacing", None), mask) | _turntable()
     scene = _parse(_with_options(tree, given), is_single_frame=is_single_frame)
-    return resolve_scene(_with_looks(scene, layers), read_volume)
+    return resolve_scene(_with_looks(scene, layers, environment), read_volume)
 
 
 def _with_labels(layers: list[Layer], labels: Any) -> list[Layer]:
@@ -95,6 +102,11 @@ def _with_labels(layers: list[Layer], labels: Any) -> list[Layer]:
         return [replace(layers[0], labels=labels, transfer_function=None)]
     if labels is None:
         return layers
+    if isinstance(labels, (list, tuple)) and labels and all(isinstance(each, str) for each in labels):
+        expected = "a volume of labels, or a mapping from numbers to names"
+        hint = '`labels={1: "liver"}` names the label 1'
+        got = argument_text(labels)
+        raise InputError("names without numbers", where="labels", got=got, expected=expected, hint=hint)
     (layer,) = layers_of([labels]) if isinstance(labels, Layer) else [Layer(labels)]
     return [*layers, replace(layer, name=layer.name or "labels", labels=layer.labels or {})]
 
@@ -106,6 +118,25 @@ def _require_one(layers: Sequence[Layer], labels: Any) -> None:
         raise InputError("of several volumes each has its own", where="transfer_function", hint=hint)
     if isinstance(labels, Mapping):
         raise InputError("contradicts labels", where="transfer_function", expected="one of them")
+
+
+def _require_light(layers: Sequence[Layer], environment: str) -> None:
+    """Raise InputError for the name of an environment that is unknown, or for volumes whose light is not suggested."""
+    if environment not in ENVIRONMENTS:
+        hint = did_you_mean(environment, ENVIRONMENTS)
+        expected = f"{', '.join(ENVIRONMENTS)}, or a mapping as in a scene file"
+        raise InputError("unknown environment", where="light", got=environment, expected=expected, hint=hint)
+    if len(layers) > 1:
+        raise _no_light_of_several()
+    if layers[0].wish is None:
+        hint = f'`light={{"environment": "{environment}"}}`'
+        raise InputError("this light is suggested with a look, but the volume has its own", where="light", hint=hint)
+
+
+def _no_light_of_several() -> InputError:
+    """Return the error for suggested looks of several volumes, which are seen by shading, or whose light adds up."""
+    what = "several volumes have no suggested looks in a light that matter scatters"
+    return InputError(what, where="light", hint="`renderer.Layer(values, transfer_function=...)` gives each its own")
 
 
 def _subject(layers: Sequence[Layer], spacing: Any, mask: Any) -> dict[str, Any]:
@@ -143,24 +174,29 @@ def look_keys(given: Any) -> dict[str, Any]:
     return {"transfer_function": _PLACEHOLDER if is_open else given}
 
 
-def _with_looks(scene: FilmScene, layers: Sequence[Layer]) -> FilmScene:
-    """Return the scene with suggested looks for the volumes whose looks are open. layers: of the scene, as given."""
+def _with_looks(scene: FilmScene, layers: Sequence[Layer], environment: str | None) -> FilmScene:
+    """Return the scene with suggested looks for the volumes whose looks are open.
+
+    layers: of the scene, as given. environment: the name of the light that replaces the shading of one volume; or None.
+    """
     wishes = [layer.wish if layer.labels is None else None for layer in layers]
     if any(layer.labels is not None for layer in layers):
         scene = resolve_scene(scene, read_volume)  # refuses volumes that are no labels
     elif not any(wish is not None for wish in wishes):
         return scene
     if len(layers) == 1:
-        return _lit_labels(scene) if wishes[0] is None else _with_suggestion(scene, wishes[0])
+        return _lit_labels(scene, environment) if wishes[0] is None else _with_suggestion(scene, wishes[0], environment)
+    if scene.at(0).light is not None:
+        raise _no_light_of_several()
     shown = tuple(suggest_several(scene.at(0).layers, wishes, read_volume))
     blend = "add" if all(wish == NO_WISH for wish in wishes) else "mix"
     return scene.changed(lambda each: replace(each, layers=shown, blend=blend))
 
 
-def _lit_labels(scene: FilmScene) -> FilmScene:
-    """Return a scene of labels with the light that is suggested for them."""
-    found = _with_suggestion(scene, Wish(preset="labels")).at(0).layers[0]
-    return scene.changed(lambda each: each.with_layers(shading=found.shading))
+def _lit_labels(scene: FilmScene, environment: str | None) -> FilmScene:
+    """Return a scene of labels with the shading or the light that is suggested for them."""
+    found = _with_suggestion(scene, Wish(preset="labels"), environment).at(0)
+    return scene.changed(lambda each: replace(each.with_layers(shading=found.layers[0].shading), light=found.light))
 
 
 def _changed_scene(
@@ -237,6 +273,10 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
         if isinstance(camera, dict):
             camera = {key: value for key, value in (tree["camera"] | camera).items() if value is not None}
         tree["camera"] = camera
+    if "light" in given:
+        tree["light"] = given["light"]
+        for section in (tree, *tree.get("volumes", [])):
+            section.pop("shading", None)
     if "tolerance" in given:
         rest = {key: value for key, value in tree["error"].items() if key in ("measure", "of", "finest_level")}
         tree["error"] = rest | {"tolerance": given["tolerance"]}
@@ -263,8 +303,16 @@ def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> FilmScene:
     try:
         return parse_scene(tree, base=Path.cwd(), is_single_frame=is_single_frame)
     except SceneError as error:
-        found = [replace(each, path=_parameter(each.path)) for each in error.problems]
-        raise SceneError([*dict.fromkeys(found)]) from None
+        raise SceneError([*dict.fromkeys(map(_in_words_of_the_api, error.problems))]) from None
+
+
+def _in_words_of_the_api(problem: Problem) -> Problem:
+    """Return a mistake in a scene with the parameter of the API that sets the key, and the API's control points."""
+    place, _, last = problem.path.rpartition(".")
+    hint = problem.hint
+    if place.endswith("transfer_function.points") and last.isdecimal():
+        hint = hint or "`(value, color, opacity)` is a control point, too"
+    return replace(problem, path=_parameter(problem.path), hint=hint)
 
 
 def _parameter(path: str) -> str:
@@ -276,11 +324,18 @@ def _parameter(path: str) -> str:
     return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
 
 
-def _with_suggestion(scene: FilmScene, wish: Wish) -> FilmScene:
-    """Return the scene with the transfer function, light and clip planes that are suggested for its first volume."""
-    from renderer.suggest import suggest_for
+def _with_suggestion(scene: FilmScene, wish: Wish, environment: str | None = None) -> FilmScene:
+    """Return the scene with the transfer function, light and clip planes that are suggested for its first volume.
+
+    environment: the name of the light that replaces the suggested shading; None to keep it.
+    """
+    from renderer.suggest import suggest_for, with_light
 
     found = suggest_for(scene.at(0).layers[0].volume, read_volume, wish=wish)
+    if (environment or scene.at(0).light) and found.layers:
+        raise InputError("the light of channels adds up, and no matter scatters it", where="light")
+    if environment is not None:
+        found = replace(found, suggestion=with_light(found.suggestion, environment))
     return scene.changed(found.applied_to)
 
 

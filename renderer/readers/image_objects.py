@@ -80,7 +80,7 @@ def _values_of(values: Any) -> Array:
             expected="numbers in three axes, [z, y, x]",
             hint=_hint_to_copy(values),
         ) from error
-    if array.ndim == 0:
+    if array.ndim == 0 or (array.ndim < 3 and array.dtype.kind in "OSU"):  # no numbers, but texts or other objects
         is_short = len(repr(values)) <= _MAX_SHOWN
         got = repr(values) if is_short else f"an object of type {type(values).__name__}"
         raise InputError("not the axes of a volume", got=got, expected=_EXPECTED)
@@ -107,8 +107,12 @@ def _three_axes(values: Array, image: object) -> Array:
 
 
 def _axes_hint(values: Array, image: object) -> str | None:
-    if values.ndim != 4:
-        return "`array[numpy.newaxis]` is a volume of one slice" if values.ndim == 2 else None
+    if values.ndim == 2:
+        return "`array[numpy.newaxis]` is a volume of one slice"
+    if values.ndim < 2:
+        return None
+    if values.ndim > 4:
+        return f"`array[{', '.join(['0'] * (values.ndim - 3))}]` is the first of its volumes"
     if hasattr(image, "slicer"):
         return "`image.slicer[..., 0]` is the first of its volumes"
     if values.shape[-1] < min(values.shape[:-1]):

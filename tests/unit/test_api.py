@@ -106,6 +106,54 @@ def test_what_is_no_volume() -> None:
         renderer.load_scene("missing.yaml")
 
 
+def test_what_stands_in_the_place_of_a_volume() -> None:
+    mistakes: dict[str, dict[str, Any]] = {
+        "volume: a list of names and volumes": {"volume": [{"CT": ARRAY}]},
+        "volume: a list of names and volumes\n": {"volume": [ARRAY, ("CT", ARRAY)]},
+        "labels: names without numbers": {"labels": ["liver", "spleen"]},
+        "mask: not a volume": {"mask": {1: "liver"}},
+        "transfer_function.points.1: not a mapping\n  got: [1, 'red']\n  expected: a mapping with value and color\n"
+        "  hint: `(value, color, opacity)` is a control point, too\nsize: ": {
+            "transfer_function": [(0, "red", 0.5), (1, "red")],
+            "size": 0,
+        },
+        "the array: not the axes of a volume\n  got: [1, None]": {"volume": [1, None]},
+        "the array: not the axes of a volume\n  got: shape [1, 1, 3, 4, 5]\n"
+        "  expected: three axes, [z, y, x]\n  hint: `array[0, 0]`": {"volume": ARRAY[np.newaxis, np.newaxis]},
+    }
+    for start, options in mistakes.items():
+        with pytest.raises(renderer.InputError) as error:
+            renderer.suggest_scene(**{"volume": ARRAY} | options)
+        assert str(error.value).startswith(start)
+
+
+def test_light_by_name_and_by_keys() -> None:
+    studio = renderer.suggest_scene(ARRAY, light="studio")
+    assert studio.light is not None and studio.light.key is not None and studio.light.surface > 0
+    assert studio.layers[0].shading is None
+    sky = {"environment": "overcast", "key": {"strength": 3}}
+    own = renderer.suggest_scene(ARRAY, light=sky, transfer_function=[(0, "red", 0), (9, "red", 0.5)])
+    assert (own.light.key.strength, own.layers[0].shading) == (3.0, None)
+    shaded = renderer.suggest_scene(ARRAY, transfer_function={"preset": "surface"})
+    lit = renderer.suggest_scene(ARRAY, transfer_function={"preset": "surface"}, light=sky)
+    assert shaded.layers[0].shading is not None and lit.layers[0].shading is None
+    pictures = [renderer.render_frame(each, light=sky, size=(8, 8)) for each in (shaded, lit)]
+    np.testing.assert_array_equal(*pictures)
+    named = renderer.suggest_scene(ARRAY, labels={1: "one"}, light="outdoor")
+    assert named.light is not None and named.layers[0].shading is None
+    refused: list[tuple[dict[str, Any], str]] = [
+        ({"light": "studoi"}, "light: unknown environment\n  got: studoi\n"),
+        ({"light": "studio", "transfer_function": [(0, "red", 0.5)]}, "light: this light is suggested with a look"),
+        ({"light": "studio", "labels": ARRAY}, "light: several volumes"),
+        ({"light": sky, "labels": ARRAY}, "light: several volumes"),
+        ({"light": {"environment": "night"}}, "light.environment: "),
+    ]
+    for options, start in refused:
+        with pytest.raises(renderer.InputError) as error:
+            renderer.suggest_scene(ARRAY, **options)
+        assert str(error.value).startswith(start)
+
+
 @pytest.mark.parametrize("frames", [120, -121, [], [3, 3], [3, 2], "0:3", 1.5, [0.5], range(5, 5), slice(200, None)])
 def test_frames_that_are_not_on_the_path(frames: Any) -> None:
     scene = renderer.suggest_scene(ARRAY)

@@ -23,6 +23,8 @@ from hsplat_cli import main
         ("bash", "hsplat turntable ~/no --output=~ --format a", ["plain,apng", "plain,avif"], "mp4"),
         ("bash", "hsplat chekc x", [""], "plain"),
         ("bash", "hsplat completion ", ["plain,bash", "plain,zsh", "plain,fish"], "powershell"),
+        ("bash", "hsplat explain li", ["plain,light"], "light.key"),
+        ("bash", "hsplat explain light.key.r", ["plain,light.key.radius"], "strength"),
         ("zsh", "hsplat cit", ["plain", "cite", main.COMMANDS["cite"]], "check"),
         ("fish", "hsplat cit", [f"plain,cite\t{main.COMMANDS['cite']}"], "check"),
         ("powershell", "hsplat cit", [""], "cite"),
