@@ -54,7 +54,7 @@ _AXIS = schema.word_or(AXES, direction_field(_AXIS_WORDS), _AXIS_WORDS)
 
 # The types of keys that several kinds of camera path share.
 _NUM_FRAMES = schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)
-NumFrames = Annotated[int, _NUM_FRAMES, KeyText("The number of frames.", example="120")]
+NumFrames = Annotated[int, _NUM_FRAMES, KeyText("The number of frames of the path.", example="120")]
 Axis = Annotated[
     Vector, _AXIS, KeyText("The axis that the camera turns about, or the direction that is up in the picture.")
 ]
@@ -66,8 +66,13 @@ Elevation = Annotated[
     KeyText("The height of the camera over the horizon, in degrees.", example="10"),
 ]
 # The texts on the keys of two kinds of path: through directions, and of a flight.
-_KEYS_TEXT = "The directions of the camera, or the points of a flight, in a row."
-_EASING_TEXT = "`smooth`: speed changes smoothly at keys, or a flight starts and ends at rest; or `linear`."
+_KEYS_TEXT = (
+    "Of `keyframes`: the directions of the camera at some frames. Of `flight`: the points that the eye flies through."
+)
+_EASING_TEXT = (
+    "`smooth`: the speed changes smoothly at keys, and a flight starts and ends at rest. `linear`, the default of a "
+    "flight: the speed is even."
+)
 
 
 class _Path:
@@ -175,7 +180,11 @@ class FlightKey:
     frame: Annotated[
         int | None,
         schema.FRAME_NUMBER_FIELD,
-        KeyText("The frame of the flight at which the eye is here.", "at a constant speed", "0"),
+        KeyText(
+            "The frame of the flight at which the eye is here.",
+            "the one that it reaches at an even speed",
+            "0",
+        ),
     ] = None
 
 
@@ -244,7 +253,8 @@ def _merged(tables: Iterable[schema.FieldTable]) -> dict[str, schema.FieldType[A
 
 _TYPE: schema.FieldType[Any] = schema.described(
     schema.choice_field(*_PATHS),
-    "The kind of path: a turn, to and fro, through directions, a rest, or a flight of the eye through points.",
+    "`turntable`: once around. `rocker`: to and fro. `keyframes`: through directions. `hold`: at rest. `flight`: the "
+    "eye flies through points.",
 )
 _SECONDS = schema.described(
     schema.number_field(above=0, maximum=MAX_SECONDS, motion=None),
@@ -366,7 +376,7 @@ class CameraSpec:
     path: Annotated[CameraPath, _PATH, KeyText("The way of the camera: one path, or a list of paths in a row.")]
     projection: Annotated[
         Literal["perspective", "orthographic"],
-        KeyText("`orthographic` shows as much height as perspective does at the target, without foreshortening."),
+        KeyText("`orthographic`: no foreshortening; the picture is as high as that of `perspective` at the target."),
     ] = "perspective"
     field_of_view: Annotated[
         float,
@@ -387,7 +397,7 @@ class CameraSpec:
         schema.LENGTH_FIELD,
         KeyText(
             "The distance from the eye to the target, in world units.",
-            "everything visible fits the frame on the whole path",
+            "so that everything visible fits into the picture on the whole path",
             "716",
         ),
     ] = None
@@ -410,7 +420,8 @@ class CameraSpec:
         KeyText("With `target: visible`: whether the target is the centre of each frame, and not of the whole film."),
     ] = False
     loop: Annotated[
-        Literal["restart", "ping-pong"], KeyText("`ping-pong`: the camera goes along its path and back.")
+        Literal["restart", "ping-pong"],
+        KeyText("`restart`: the film ends with the path. `ping-pong`: the camera goes along its path and back."),
     ] = "restart"
 
     @property

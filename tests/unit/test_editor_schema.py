@@ -14,7 +14,7 @@ from broken_scenes import GOOD, MISTAKES, broken
 from gallery_page import gallery_scenes
 
 from hsplat_cli.scenes import SCHEMA_FILE, SCHEMA_LINE, schema_content, write_schema
-from renderer.errors import InputError, SceneError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
     SECTIONS,
     explain_key,
@@ -106,6 +106,19 @@ def test_every_default_and_example_is_right() -> None:
         shape = schema.key_schema(key, field)
         for value in [*([] if field.default is None else [field.default]), *shape.get("examples", [])]:
             jsonschema.validate(as_json(value), shape, jsonschema.Draft7Validator)
+
+
+def test_every_default_and_example_is_read(tmp_path: Path) -> None:
+    """Also those that contradict nothing in the schema, but each other."""
+    for name in ("scan.nhdr", "labels.ctbl", "institute.png", "NotoSansCJK-Regular.otf"):
+        (tmp_path / name).touch()
+    with (tmp_path / "a.raw").open("wb") as file:
+        file.truncate(2 * 128 * 128 * 64)
+    for key, field in scene_keys():
+        problems: list[Problem] = []
+        example = parse_yaml(schema.example_of(field)).data
+        field.read(schema.TreeNode(example, key, problems, tmp_path, film=schema.FilmTime(120, 30.0)))
+        assert [str(problem) for problem in problems] == [], key
 
 
 def test_a_key_is_explained() -> None:
