@@ -83,7 +83,7 @@ _NIFTI_BYTES = 348
 # The number of bytes of a mask that are looked at at once.
 _PIECE_BYTES = 2**20
 # The largest number of bytes of a mask that are looked at. A small file may be a huge volume of zeros.
-_MAX_MASK_BYTES = 2**30
+_MAX_MASK_BYTES = 2**28
 # The largest number of files and folders that a search for volumes looks at.
 _MAX_ENTRIES = 10_000
 
@@ -262,7 +262,7 @@ def masks_in(folder: Path) -> list[Path]:
     """Return the masks directly in a folder, in natural order: NIfTI files with only 0 and 1, on one grid.
 
     Returns an empty list if the folder has fewer than two volumes, any other volume, or steps in time. The voxels of
-    the first file alone are looked at; the reader checks the others.
+    the first file alone are looked at, and a file that ends within its header counts as a mask: the reader reports it.
     """
     files = [file for file in _files_in(folder) if _is_volume(file)]
     files.sort(key=lambda file: natural_sort_key(file.name))
@@ -270,13 +270,13 @@ def masks_in(folder: Path) -> list[Path]:
         return []
     if has_steps_in_time(folder):
         return []
-    headers = (read_start(file, _NIFTI_BYTES)[0] for file in files)
-    first = next(headers)
-    if len(first) < _NIFTI_BYTES or not _is_of_masks(first):
+    headers = {file: read_start(file, _NIFTI_BYTES)[0] for file in files}
+    whole = [file for file in files if len(headers[file]) == _NIFTI_BYTES]
+    if not whole or not _is_of_masks(headers[whole[0]]):
         return []
-    if any([header[part] for part in _GRID] != [first[part] for part in _GRID] for header in headers):
+    if len({tuple(headers[file][part] for part in _GRID) for file in whole}) > 1:
         return []
-    return files if _has_only_flags(files[0], first) else []
+    return files if _has_only_flags(whole[0], headers[whole[0]]) else []
 
 
 def _is_of_masks(header: bytes) -> bool:

@@ -95,11 +95,13 @@ def test_files_that_differ_in_one_number_are_steps_in_time(folder: Path) -> None
     assert len(expand_volumes([str(folder)])[0]) == len(file_source(str(folder)).steps) == 4
 
 
+@pytest.mark.parametrize("num_bytes", [0, 30, -9])
 @pytest.mark.parametrize("name", ["liver", "spleen"])
-def test_a_truncated_mask_is_named(folder: Path, name: str) -> None:
-    """It is the first or a further one; the folder is one of masks anyway."""
+def test_a_truncated_mask_is_named(folder: Path, name: str, num_bytes: int) -> None:
+    """It is the first or a further one, which is being written; the folder is one of masks anyway."""
     file = folder / f"{name}.nii.gz"
-    file.write_bytes(file.read_bytes()[:-9])
+    file.write_bytes(file.read_bytes()[:num_bytes])
+    assert len(expand_volumes([str(folder)])[0]) == 1
     assert refused(folder).where == str(file)
 
 
