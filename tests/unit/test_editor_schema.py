@@ -56,7 +56,9 @@ def paths_of(error: Any, data: Any) -> Iterator[str]:
 
 
 def test_the_schema_is_one() -> None:
+    """Its title is the label by which editors offer all needed keys at once; else the label is `object`."""
     jsonschema.Draft7Validator.check_schema(scene_schema())
+    assert scene_schema()["title"] == "scene"
 
 
 def test_every_scene_of_the_repository_is_right() -> None:
