@@ -9,7 +9,6 @@ from typing import Any
 
 from renderer.scene.message_text import format_value
 from renderer.scene.tree_node import FieldTable, FieldType, JsonSchema
-from renderer.scene.yaml_tree import parse_yaml
 
 # Whole numbers below this are written without a point and an exponent.
 _MAX_WHOLE = 1e15
@@ -68,6 +67,9 @@ def _one_needed(group: Sequence[str]) -> JsonSchema:
 
 def key_schema(key: str, field: FieldType[Any], moves: bool = True) -> JsonSchema:
     """Return the JSON Schema of a key's value, with the text on the key."""
+    # This import is not at the top of the file, because reading a scene from plain data needs no YAML.
+    from renderer.scene.yaml_tree import parse_yaml
+
     if field.text is None:
         return field.schema(moves)
     default = {} if field.default is None else {"default": field.default}
