@@ -374,9 +374,10 @@ def _key_text(hint: Any) -> KeyText | None:
 
 def _default(field: FieldType[Any], value: object) -> object:
     """Return the default of a key as a scene has it, from the default of the dataclass; None for no default."""
-    return (
-        None if value is MISSING else next((w for w, meant in field.words.items() if meant == value), as_written(value))
-    )
+    if value is MISSING:
+        return None
+    words = (word for word, meant in field.words.items() if meant == value)
+    return next(words, as_written(value))
 
 
 def _field_type(hint: Any) -> FieldType[Any] | None:
