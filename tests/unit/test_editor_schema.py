@@ -110,7 +110,9 @@ def test_every_default_and_example_is_right() -> None:
             jsonschema.validate(as_json(value), shape, jsonschema.Draft7Validator)
 
 
-@pytest.mark.parametrize("value", ["it's 5 m", 'a "b"', "x" * 90, "null", "True", "-z", "a: b", [1.5, True], {"a": "#0"}])
+@pytest.mark.parametrize(
+    "value", ["it's 5 m", 'a "b"', "x" * 90, "null", "True", "-z", "a: b", [1.5, True], {"a": "#0"}]
+)
 def test_plain_data_on_one_line_is_the_same_data(value: Any) -> None:
     assert parse_yaml(schema.yaml_flow(value)).data == value
 
