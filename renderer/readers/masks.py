@@ -39,7 +39,7 @@ def read_masks(path: Path, time: int | None, component: int | None) -> Image:
     with errors_about(files[0]):
         image = read_nifti(files[0], None, None)
     shape, dtype = image.values.shape, np.min_scalar_type(len(files))
-    check_memory(check_size(shape[::-1], dtype) // dtype.itemsize * (dtype.itemsize + 1))
+    check_memory(check_size(shape[::-1], dtype) // dtype.itemsize * (dtype.itemsize + 2))
     numbers, are_shared = np.zeros(shape, dtype), np.zeros(shape, np.bool_)
     image = replace(image, values=numbers)
     sizes = np.zeros(len(files) + 1, np.int64)  # the number of voxels of each mask that was read, by its label
