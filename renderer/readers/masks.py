@@ -15,6 +15,7 @@ from renderer.readers.components import select_index
 from renderer.readers.file_errors import errors_about
 from renderer.readers.image import Image
 from renderer.readers.nifti import read_nifti
+from renderer.readers.segments import overlap_clause
 from renderer.readers.sniff import masks_in
 from renderer.readers.voxel_limits import check_memory, check_size, describe_shape
 from renderer.scene import counted
@@ -27,8 +28,8 @@ _SUFFIXES = (".nii", ".nii.gz")
 def read_masks(path: Path, time: int | None, component: int | None) -> Image:
     """Read the masks in a folder as labels 1, 2, ..., in natural order of their names; empty masks have no label.
 
-    A voxel in several masks belongs to the smallest one, which has the fewest voxels. Raises InputError for damaged
-    masks, for masks of different sizes, and for values other than 0 and 1.
+    A voxel in several masks belongs to the smallest one, as `join_segments` has it, but each mask is read only once.
+    Raises InputError for damaged masks, for masks of different sizes, and for values other than 0 and 1.
     """
     select_index("time", time, 1)
     select_index("component", component, 1)
@@ -50,14 +51,14 @@ def read_masks(path: Path, time: int | None, component: int | None) -> Image:
         sizes[number] = before.size
         if before.size:
             labels.append(Label(number, _name(file)))
-        numbers[inside] = np.where((before == 0) | (sizes[before] > before.size), number, before)
+        numbers[inside] = np.where((before == 0) | (sizes[before] >= before.size), number, before)
         are_shared[inside] |= before > 0
-    num_empty, num_shared = len(files) - len(labels), int(np.count_nonzero(are_shared))
+    num_empty = len(files) - len(labels)
     notes = [f"its {len(files)} masks are one volume of labels"]
     notes += [f"{counted(num_empty, 'mask')} without a voxel"] if num_empty else []
-    if num_shared:
-        notes.append(f"{counted(num_shared, 'voxel')} in several masks, each of which belongs to the smallest")
-    return Image(numbers, image.world_from_index, ("; ".join(notes),), labels=tuple(labels), units=image.units)
+    notes.append(overlap_clause(are_shared, "masks"))
+    note = "; ".join(filter(None, notes))
+    return Image(numbers, image.world_from_index, (note,), labels=tuple(labels), units=image.units)
 
 
 def _inside(values: Array, shape: tuple[int, ...]) -> Array:

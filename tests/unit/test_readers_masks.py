@@ -13,6 +13,7 @@ from volume_files import refused
 from hsplat_cli.scenes import expand_volumes
 from renderer.job import volume_files as files_of
 from renderer.readers import find_volume
+from renderer.readers.segments import join_segments
 from renderer.scene import FileSource, VolumeSpec, file_source
 from renderer.volume import Array
 
@@ -49,8 +50,24 @@ def test_masks_are_labels(folder: Path) -> None:
     np.testing.assert_allclose(volume.spacing, (1, 2, 3))
     assert volume.note == (
         "its 4 masks are one volume of labels; 1 mask without a voxel; "
-        "1 voxel in several masks, each of which belongs to the smallest"
+        "1 voxel in several masks belongs to the smallest of them"
     )
+
+
+def test_overlaps_are_those_of_segments(folder: Path) -> None:
+    """The labels, and the clause on them, are as `join_segments` makes them of the same voxels, whatever the sizes."""
+    generator = np.random.default_rng(1)
+    inside = [generator.permutation(24)[:size] for size in (9, 9, 4, 12, 9)]
+    for name, places in zip(("liver", "rib_2", "rib_10", "spleen", "tooth"), inside, strict=True):
+        mask(f"{name}.nii.gz", *places)
+    volume, joined = volume_files.read(folder), np.zeros((2, 3, 4), np.uint8)
+    parts = np.zeros((5, 24), np.int64)
+    for number, places in enumerate(inside):
+        parts[number, places] = number + 1
+    planes = [(z, plane) for part in parts.reshape(5, 4, 3, 2) for z, plane in enumerate(part.T)]
+    clause = join_segments(lambda: planes, range(1, 6), joined)
+    np.testing.assert_array_equal(volume.values, joined)
+    assert volume.note == f"its 5 masks are one volume of labels; {clause.replace('segments', 'masks')}"
 
 
 def test_the_folder_is_one_volume(folder: Path) -> None:
@@ -81,7 +98,7 @@ def test_masks_of_other_types(folder: Path, dtype: str) -> None:
     for name in ("liver", "rib_2", "rib_10", "spleen"):
         mask(f"{name}.nii.gz", 3, dtype=dtype)
     assert find_volume(folder)[1] == "masks"
-    assert labels_at(volume_files.read(folder).values) == [0, 0, 0, 1, 0]
+    assert labels_at(volume_files.read(folder).values) == [0, 0, 0, 4, 0]
     if dtype != "i1":
         mask("liver.nii.gz", 3, value=256, dtype=dtype)
         assert len(expand_volumes([str(folder)])[0]) == 4
