@@ -147,7 +147,9 @@ _OWN_TABLE: schema.FieldTable = {
     ),
     "transform": TRANSFORM_FIELD,
     "weight": schema.described(
-        schema.number_field(minimum=0, maximum=MAX_WEIGHT), "A factor on the extinction of this volume.", default=1
+        schema.number_field(minimum=0, maximum=MAX_WEIGHT),
+        "A factor on the extinction of this volume.",
+        default=LayerSpec.weight,
     ),
     "shading": schema.described(
         schema.dataclass_field(ShadingSpec), "The light on this volume.", words="the scene's shading"

@@ -362,9 +362,9 @@ def described(
 ) -> FieldType[T]:
     """Return the type of a key's value with the text on the key.
 
-    default: the key's default, as a scene has it. words, example: as `default` and `example` of KeyText.
+    default: the key's default; None for none. words, example: as `default` and `example` of KeyText.
     """
-    return replace(field, text=KeyText(sentence, words, example), default=default)
+    return replace(field, text=KeyText(sentence, words, example), default=as_written(default))
 
 
 def _key_text(hint: Any) -> KeyText | None:

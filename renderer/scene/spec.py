@@ -38,6 +38,7 @@ VERSION = 1
 
 # How layers are mixed: extinctions add up and colours mix in their proportion, or light adds up and nothing absorbs it.
 Blend = Literal["mix", "add"]
+_DEFAULT_BLEND: Blend = "mix"
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ _DESCRIBED: schema.FieldTable = {
     "blend": schema.described(
         schema.choice_field(*get_args(Blend)),
         "How several volumes are mixed. `mix`: extinctions add up. `add`: light adds up, and nothing absorbs it.",
-        default="mix",
+        default=_DEFAULT_BLEND,
     ),
     "annotation": schema.described(
         ANNOTATION_SECTION, "Texts, bars and lines over the picture.", words="nothing is drawn over it"
@@ -295,7 +296,7 @@ class Scene(FilmScene):
     fog: FogSpec | None = None
     mode: ModeSpec = field(default=ModeSpec())
     clip: tuple[ClipSpec, ...] = ()
-    blend: Blend = "mix"
+    blend: Blend = _DEFAULT_BLEND
     annotation: AnnotationSpec = field(default=AnnotationSpec())
     shared: SharedKeys | None = None
 

@@ -207,7 +207,7 @@ _FIELDS: schema.FieldTable = {
     "relative": schema.described(
         schema.BOOLEAN_FIELD,
         "Whether the values of `points`, `range` and `opacity` are percentiles of the voxels with data.",
-        default=False,
+        default=TransferSpec.relative,
     ),
     "points": schema.described(
         schema.sequence_field(

@@ -108,8 +108,9 @@ def test_files_that_differ_in_one_number_are_steps_in_time(folder: Path) -> None
     """To a scene, too, which a turntable of them writes: it must not show the first mask alone."""
     for number, file in enumerate(sorted(folder.glob("*.nii.gz"))):
         file.rename(f"step_{number}.nii.gz")
-    assert isinstance(file_source(str(folder)), FileSource)
-    assert len(expand_volumes([str(folder)])[0]) == len(file_source(str(folder)).steps) == 4
+    source = file_source(str(folder))
+    assert isinstance(source, FileSource)
+    assert len(expand_volumes([str(folder)])[0]) == len(source.steps) == 4
 
 
 @pytest.mark.parametrize("num_bytes", [0, 30, -9])
