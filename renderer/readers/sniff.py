@@ -9,6 +9,7 @@ import re
 import struct
 import zlib
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Literal, cast
 
@@ -276,7 +277,9 @@ def masks_in(folder: Path) -> list[Path]:
         return []
     if len({tuple(headers[file][part] for part in _GRID) for file in whole}) > 1:
         return []
-    return files if _has_only_flags(whole[0], headers[whole[0]]) else []
+    state = whole[0].stat()
+    mark = (state.st_ino, state.st_size, state.st_mtime_ns)
+    return files if _has_only_flags(whole[0], headers[whole[0]], mark) else []
 
 
 def _is_of_masks(header: bytes) -> bool:
@@ -289,10 +292,12 @@ def _is_of_masks(header: bytes) -> bool:
     return bool(num_axes == 3 and kind in _MASK_TYPES and slope in (0, 1) and intercept == 0)
 
 
-def _has_only_flags(file: Path, header: bytes) -> bool:
+@lru_cache(maxsize=64)
+def _has_only_flags(file: Path, header: bytes, _mark: tuple[int, int, int]) -> bool:
     """Return whether the voxels of a NIfTI-1 file are only 0 and 1, as far as they can be read.
 
-    Damage does not matter here: the reader reports it.
+    Damage does not matter here: the reader reports it. A command asks several times, and mostly while nothing changes.
+    _mark: the inode number, the size and the modification time of the file, until a change of which the answer is kept.
     """
     order = _order_of(header)
     *sizes, kind = struct.unpack_from(f"{order}3h", header, 42) + struct.unpack_from(f"{order}h", header, 70)

@@ -136,6 +136,15 @@ def test_a_huge_volume_of_zeros_is_not_read_to_its_end(folder: Path, monkeypatch
     assert len(expand_volumes([str(folder)])[0]) == 4
 
 
+def test_a_mask_that_did_not_change_is_looked_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert find_volume(folder)[1] == "masks"
+    with monkeypatch.context() as patch:
+        patch.setattr("renderer.readers.sniff._opened", None)
+        assert find_volume(folder)[1] == "masks"
+    mask("liver.nii.gz", 5, 6, 7, 8, value=2)
+    assert len(expand_volumes([str(folder)])[0]) == 4
+
+
 def test_wrong_masks(folder: Path) -> None:
     mask("spleen.nii.gz", 3, value=2)
     error = refused(folder, "a mask beside others has only 0 and 1")
