@@ -13,7 +13,6 @@ from volume_files import refused
 from hsplat_cli.scenes import expand_volumes
 from renderer.job import volume_files as files_of
 from renderer.readers import find_volume
-from renderer.readers.segments import join_segments
 from renderer.scene import FileSource, VolumeSpec, file_source
 from renderer.volume import Array
 
@@ -54,20 +53,20 @@ def test_masks_are_labels(folder: Path) -> None:
     )
 
 
-def test_overlaps_are_those_of_segments(folder: Path) -> None:
-    """The labels, and the clause on them, are as `join_segments` makes them of the same voxels, whatever the sizes."""
+def test_masks_overlap_as_segments_do(folder: Path) -> None:
+    """A voxel belongs to the smallest one, and to the last one of those that are equal."""
     generator = np.random.default_rng(1)
-    inside = [generator.permutation(24)[:size] for size in (9, 9, 4, 12, 9)]
-    for name, places in zip(("liver", "rib_2", "rib_10", "spleen", "tooth"), inside, strict=True):
+    inside = {number: {*generator.permutation(24)[:size].tolist()} for number, size in enumerate((9, 9, 4, 12, 9), 1)}
+    for name, places in zip(("liver", "rib_2", "rib_10", "spleen", "tooth"), inside.values(), strict=True):
         mask(f"{name}.nii.gz", *places)
-    volume, joined = volume_files.read(folder), np.zeros((2, 3, 4), np.uint8)
-    parts = np.zeros((5, 24), np.int64)
-    for number, places in enumerate(inside):
-        parts[number, places] = number + 1
-    planes = [(z, plane) for part in parts.reshape(5, 4, 3, 2) for z, plane in enumerate(part.T)]
-    clause = join_segments(lambda: planes, range(1, 6), joined)
-    np.testing.assert_array_equal(volume.values, joined)
-    assert volume.note == f"its 5 masks are one volume of labels; {clause.replace('segments', 'masks')}"
+    expected, num_shared = np.zeros(24, np.uint8), 0
+    for place in range(24):
+        numbers = [number for number, places in inside.items() if place in places]
+        expected[place] = min(numbers, key=lambda number: (len(inside[number]), -number), default=0)
+        num_shared += len(numbers) > 1
+    volume = volume_files.read(folder)
+    np.testing.assert_array_equal(np.asarray(volume.values).T.reshape(-1), expected)
+    assert (volume.note or "").endswith(f"; {num_shared} voxels in several masks belong to the smallest of them")
 
 
 def test_the_folder_is_one_volume(folder: Path) -> None:
