@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
@@ -120,8 +120,12 @@ class Keyframe:
     zoom: a factor by which the object is magnified, compared with its size at the camera's `distance`.
     """
 
-    frame: Annotated[int, schema.FRAME_NUMBER_FIELD, KeyText("The frame of this key.", example="0")]
-    azimuth: Annotated[float, _ANGLE, KeyText("The azimuth of the camera, in degrees.", example="0")]
+    frame: Annotated[
+        int, schema.FRAME_NUMBER_FIELD, KeyText("The frame of this key, which `keyframes` need.", example="0")
+    ]
+    azimuth: Annotated[
+        float, _ANGLE, KeyText("Of `keyframes`, which need it: the azimuth of the camera, in degrees.", example="0")
+    ]
     elevation: Elevation
     zoom: Annotated[
         float,
@@ -171,10 +175,16 @@ class FlightKey:
     """
 
     position: Annotated[
-        Vector, schema.POINT_FIELD, KeyText("The place of the eye, in world units.", example="[0, -400, 60]")
+        Vector,
+        schema.POINT_FIELD,
+        KeyText("Of a `flight`, which needs it: the place of the eye, in world units.", example="[0, -400, 60]"),
     ]
     target: Annotated[
-        Vector, schema.POINT_FIELD, KeyText("The place that the eye looks at, in world units.", example="[0, 0, 60]")
+        Vector,
+        schema.POINT_FIELD,
+        KeyText(
+            "Of a `flight`, which needs it: the place that the eye looks at, in world units.", example="[0, 0, 60]"
+        ),
     ]
     roll: Annotated[float, _ANGLE, KeyText("The clockwise turn of the picture, in degrees.")] = 0.0
     frame: Annotated[
@@ -241,14 +251,20 @@ _PATHS: dict[str, type[PathPiece]] = {
 }
 
 
-def _merged(tables: Iterable[schema.FieldTable]) -> dict[str, schema.FieldType[Any]]:
-    """Return the types of the keys in all tables. Where two types differ, it is the first, with the keys of both."""
+def _merged(tables: Sequence[schema.FieldTable]) -> dict[str, schema.FieldType[Any]]:
+    """Return the types of the keys in all tables. Where two types differ, it is the first, with the keys of both.
+
+    A key is needed if it is needed in all tables.
+    """
     found: dict[str, schema.FieldType[Any]] = {}
     for key, field in (pair for table in tables for pair in table.items()):
         first = found.setdefault(key, field)
         if first.table and field.table:
             found[key] = replace(first, table=_merged([first.table, field.table]))
-    return found
+    return {
+        key: replace(field, is_needed=all(key in table and table[key].is_needed for table in tables))
+        for key, field in found.items()
+    }
 
 
 _TYPE: schema.FieldType[Any] = schema.described(
@@ -262,7 +278,7 @@ _SECONDS = schema.described(
     example="4",
 )
 _PATH_FIELDS = {name: {"type": _TYPE, **schema.field_table(cls), "seconds": _SECONDS} for name, cls in _PATHS.items()}
-_PATH_KEYS = _merged(_PATH_FIELDS.values())
+_PATH_KEYS = _merged([*_PATH_FIELDS.values()])
 # For each key of a path, the hint for a path of a type that lacks this key. It names the types that have the key.
 _OWNERS = {
     key: f"{key} belongs to type: {join_words(name for name, table in _PATH_FIELDS.items() if key in table)}"

@@ -50,7 +50,7 @@ def scene_page() -> str:
 
 
 def _listing() -> Iterator[str]:
-    told = _ToldWords()
+    told = _ToldKeys()
     for name, field in sorted(SECTIONS.items(), key=lambda item: item[0] != "version"):
         is_live = field.is_needed or name in _SHOWN
         own = {key: item for key, item in (field.table or {}).items() if key not in _others(name)}
@@ -72,20 +72,23 @@ def _listing() -> Iterator[str]:
         yield ""
 
 
-class _ToldWords:
-    """The words that keys inside of others have for values. Each is told once, at the first key that has them."""
+class _ToldKeys:
+    """The keys that are needed inside of others, and their words for values. Each line is told once."""
 
     def __init__(self) -> None:
         self._known: set[str] = set()
 
     def of(self, field: schema.FieldType[Any]) -> Iterator[str]:
-        """Yield a line for each key inside of a key whose words are not told yet."""
-        for key, item in (field.table or {}).items():
+        """Yield the lines on keys inside of a key that are not told yet."""
+        table = field.table or {}
+        needed = [key for key, item in table.items() if item.is_needed]
+        lines = [f"needed: {join_words(needed, 'and')}"] if needed else []
+        for key, item in table.items():
             words = [] if "black" in item.words else _words_in(item.plain_schema(False))
-            line = f"{key}: {join_words(words)}" if len(words) > 1 else ""
-            if line and line not in self._known:
-                self._known.add(line)
-                yield line
+            lines += [f"{key}: {join_words(words)}"] if len(words) > 1 else []
+        yield from (line for line in lines if line not in self._known)
+        self._known.update(lines)
+        for item in table.values():
             yield from self.of(item)
 
 

@@ -136,6 +136,7 @@ def test_a_key_is_explained() -> None:
         "  Value: a number from 0.1 to 90.",
         "  Default: 14.",
     ]
+    assert "  Needed." not in explain_key("camera.path.keys.frame"), "not of a flight"
     assert [line.partition(":")[0] for line in explain_key("")] == [*SECTIONS]
     assert explain_key("volumes.3.weight") == explain_key("volumes.weight")
 
