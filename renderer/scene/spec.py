@@ -67,7 +67,7 @@ _VERSION = schema.FieldType(
 
 # The keys of a scene. A scene has `volume`, or else `volumes`; a volume has `transfer_function`, or else `labels`.
 _DESCRIBED: schema.FieldTable = {
-    "volume": schema.described(VOLUME_SECTION, "The voxels that are drawn: of `file`, `raw` or `procedural`."),
+    "volume": schema.described(VOLUME_SECTION, "The voxels that are drawn, from `file`, `raw` or `procedural`."),
     "transfer_function": schema.described(
         TRANSFER_FUNCTION_SECTION,
         "The colors and opacities of the values: by `points`, by `colormap`, `range` and `opacity`, or by `import`.",

@@ -149,7 +149,7 @@ VALUE_RANGE_FIELD = schema.sequence_field(
 _OPACITY_POINT = schema.pair_field(_NUMBER, _PART, "[value, opacity]: a number, and a number from 0 to 1")
 _UNIT_FIELD = schema.described(
     schema.LENGTH_FIELD,
-    "The thickness of the matter that opacities are of, in world units.",
+    "The thickness of the matter whose opacity is given, in world units.",
     words="the finest spacing",
     example="1",
 )
