@@ -162,12 +162,13 @@ def _read_xarray(array: Any, has_spacing_override: bool) -> Image:
     """Return a DataArray of xarray, whose coordinates place the voxels as in a netCDF file."""
     lengths = dict(zip(map(str, array.dims), array.shape, strict=True))
     names = _space_of(lengths)
-    values = _values_of(array)[tuple(slice(None) if name in names else 0 for name in lengths)]
     if len(names) != 3:
         got = ", ".join(f"{short_text(name)} ({length})" for name, length in lengths.items())
         extra = next((name for name in names if axis_named(name).kind in ("time", "channel")), [*names, "t"][0])
         hint = f"`array.isel({extra}=0)` is the first volume along {short_text(extra)}" if len(names) > 3 else None
         raise InputError("not the axes of a volume", got=got, expected="three axes", hint=hint)
+    # Only an array of a volume is computed: a lazy one of many steps may be larger than memory.
+    values = _values_of(array)[tuple(slice(None) if name in names else 0 for name in lengths)]
     axes = []
     for name in names:
         line = array.coords.get(name)

@@ -117,8 +117,19 @@ def join_segments(planes: Callable[[], Iterable[tuple[int, Int64]]], labels: Seq
     label_from_rank[ranks[1:]] = labels
     for plane in joined:
         plane[...] = label_from_rank[plane]
-    num_shared = int(np.count_nonzero(are_shared))
-    return f"{counted(num_shared, 'voxel')} in several segments belong to the smallest of them" * (num_shared > 0)
+    return overlap_clause(are_shared, "segments")
+
+
+def overlap_clause(are_shared: Array, what: str) -> str:
+    """Return the clause of a note on voxels that are in several segments; empty if there are none.
+
+    are_shared: which voxels are, bool [z, y, x]. what: the word for the segments.
+    """
+    num = int(np.count_nonzero(are_shared))
+    return (
+        f"{counted(num, 'voxel')} in several {what} {'belongs' if num == 1 else 'belong'} to the smallest of them"
+        * (num > 0)
+    )
 
 
 def _table(segments: Sequence[Segment], layer: int) -> Int64:

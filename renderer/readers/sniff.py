@@ -9,6 +9,7 @@ import re
 import struct
 import zlib
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Literal, cast
 
@@ -16,7 +17,7 @@ from renderer.errors import InputError
 from renderer.readers.dicom_tags import summarize
 from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name
 from renderer.readers.headerless import Declaration, declaration_in_name
-from renderer.scene import VOLUME_SUFFIXES, is_pattern, is_url, join_some, short_text
+from renderer.scene import VOLUME_SUFFIXES, has_steps_in_time, is_pattern, is_url, join_some, short_text
 from renderer.stores import is_store, is_zipped_store
 
 Format = Literal[
@@ -76,12 +77,14 @@ _DICOM_INDEX = b"1.2.840.10008.1.3.10\2"
 # The places in a NIfTI-1 header of the fields that masks of one grid share: the numbers of voxels and their type, the
 # sizes of voxels, and the two affines.
 _GRID = (slice(40, 56), slice(70, 74), slice(76, 108), slice(252, 328))
-# The types of voxels of masks, as codes of NIfTI: unsigned and signed integers of 8 and 16 bits.
-_MASK_TYPES = (2, 4, 256, 512)
+# The types of voxels of masks, as codes of NIfTI, with their bytes: unsigned and signed integers of 8 and 16 bits.
+_MASK_TYPES = {2: 1, 256: 1, 4: 2, 512: 2}
 # The number of bytes of a NIfTI-1 header.
 _NIFTI_BYTES = 348
 # The number of bytes of a mask that are looked at at once.
 _PIECE_BYTES = 2**20
+# The largest number of bytes of a mask that are looked at. A small file may be a huge volume of zeros.
+_MAX_MASK_BYTES = 2**28
 # The largest number of files and folders that a search for volumes looks at.
 _MAX_ENTRIES = 10_000
 
@@ -259,20 +262,24 @@ def _format_of_slices(folder: Path) -> Format | None:
 def masks_in(folder: Path) -> list[Path]:
     """Return the masks directly in a folder, in natural order: NIfTI files with only 0 and 1, on one grid.
 
-    Returns an empty list if the folder has fewer than two volumes, or any other volume. The voxels of the first file
-    alone are looked at; the reader checks the others.
+    Returns an empty list if the folder has fewer than two volumes, any other volume, or steps in time. The voxels of
+    the first file alone are looked at, and a file that ends within its header counts as a mask: the reader reports it.
     """
     files = [file for file in _files_in(folder) if _is_volume(file)]
     files.sort(key=lambda file: natural_sort_key(file.name))
     if len(files) < 2 or not all(file.name.lower().endswith((".nii", ".nii.gz")) for file in files):
         return []
-    headers = (read_start(file, _NIFTI_BYTES)[0] for file in files)
-    first = next(headers)
-    if len(first) < _NIFTI_BYTES or not _is_of_masks(first):
+    if has_steps_in_time(folder):
         return []
-    if any([header[part] for part in _GRID] != [first[part] for part in _GRID] for header in headers):
+    headers = {file: read_start(file, _NIFTI_BYTES)[0] for file in files}
+    whole = [file for file in files if len(headers[file]) == _NIFTI_BYTES]
+    if not whole or not _is_of_masks(headers[whole[0]]):
         return []
-    return files if _has_only_flags(files[0], first) else []
+    if len({tuple(headers[file][part] for part in _GRID) for file in whole}) > 1:
+        return []
+    state = whole[0].stat()
+    mark = (state.st_ino, state.st_size, state.st_mtime_ns)
+    return files if _has_only_flags(whole[0], headers[whole[0]], mark) else []
 
 
 def _is_of_masks(header: bytes) -> bool:
@@ -285,22 +292,28 @@ def _is_of_masks(header: bytes) -> bool:
     return bool(num_axes == 3 and kind in _MASK_TYPES and slope in (0, 1) and intercept == 0)
 
 
-def _has_only_flags(file: Path, header: bytes) -> bool:
-    """Return whether the voxels of a NIfTI-1 file have only bytes of 0 and 1."""
+@lru_cache(maxsize=64)
+def _has_only_flags(file: Path, header: bytes, _mark: tuple[int, int, int]) -> bool:
+    """Return whether the voxels of a NIfTI-1 file are only 0 and 1, as far as they can be read.
+
+    Damage does not matter here: the reader reports it. A command asks several times, and mostly while nothing changes.
+    _mark: the inode number, the size and the modification time of the file, until a change of which the answer is kept.
+    """
     order = _order_of(header)
-    *sizes, num_bits = struct.unpack_from(f"{order}3h", header, 42) + struct.unpack_from(f"{order}h", header, 72)
-    num_left: int = math.prod(sizes) * num_bits // 8
-    offset = struct.unpack_from(f"{order}f", header, 108)[0]
+    *sizes, kind = struct.unpack_from(f"{order}3h", header, 42) + struct.unpack_from(f"{order}h", header, 70)
+    offset, width = struct.unpack_from(f"{order}f", header, 108)[0], _MASK_TYPES[kind]
     if min(sizes) < 1 or not _NIFTI_BYTES <= offset <= _PIECE_BYTES:
         return False
+    num_left = min(math.prod(sizes) * width, _MAX_MASK_BYTES)
     with suppress(OSError, EOFError, zlib.error), _opened(file) as opened:
         opened.seek(int(offset))
         while num_left > 0 and (piece := opened.read(min(num_left, _PIECE_BYTES))):
-            if piece.translate(None, b"\0\1"):
+            low = piece[order == ">" :: 2] if width == 2 else piece
+            high = piece[order == "<" :: 2] if width == 2 else b""
+            if low.translate(None, b"\0\1") or high.strip(b"\0"):
                 return False
             num_left -= len(piece)
-        return num_left == 0
-    return False
+    return True
 
 
 def _order_of(header: bytes) -> str:

@@ -194,6 +194,7 @@ from .volume_files import (
     FileSource as FileSource,
     UrlSource as UrlSource,
     file_source as file_source,
+    has_steps_in_time as has_steps_in_time,
     is_pattern as is_pattern,
 )
 from .volume_section import (

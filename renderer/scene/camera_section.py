@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
@@ -54,7 +54,7 @@ _AXIS = schema.word_or(AXES, direction_field(_AXIS_WORDS), _AXIS_WORDS)
 
 # The types of keys that several kinds of camera path share.
 _NUM_FRAMES = schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)
-NumFrames = Annotated[int, _NUM_FRAMES, KeyText("The number of frames.", example="120")]
+NumFrames = Annotated[int, _NUM_FRAMES, KeyText("The number of frames of the path.", example="120")]
 Axis = Annotated[
     Vector, _AXIS, KeyText("The axis that the camera turns about, or the direction that is up in the picture.")
 ]
@@ -66,8 +66,13 @@ Elevation = Annotated[
     KeyText("The height of the camera over the horizon, in degrees.", example="10"),
 ]
 # The texts on the keys of two kinds of path: through directions, and of a flight.
-_KEYS_TEXT = "The directions of the camera, or the points of a flight, in a row."
-_EASING_TEXT = "`smooth`: speed changes smoothly at keys, or a flight starts and ends at rest; or `linear`."
+_KEYS_TEXT = (
+    "Of `keyframes`: the directions of the camera at some frames. Of `flight`: the points that the eye flies through."
+)
+_EASING_TEXT = (
+    "`smooth`: the speed changes smoothly at keys, and a flight starts and ends at rest. `linear`, the default of a "
+    "flight: the speed is even."
+)
 
 
 class _Path:
@@ -115,8 +120,12 @@ class Keyframe:
     zoom: a factor by which the object is magnified, compared with its size at the camera's `distance`.
     """
 
-    frame: Annotated[int, schema.FRAME_NUMBER_FIELD, KeyText("The frame of this key.", example="0")]
-    azimuth: Annotated[float, _ANGLE, KeyText("The azimuth of the camera, in degrees.", example="0")]
+    frame: Annotated[
+        int, schema.FRAME_NUMBER_FIELD, KeyText("The frame of this key, which `keyframes` need.", example="0")
+    ]
+    azimuth: Annotated[
+        float, _ANGLE, KeyText("Of `keyframes`, which need it: the azimuth of the camera, in degrees.", example="0")
+    ]
     elevation: Elevation
     zoom: Annotated[
         float,
@@ -166,16 +175,26 @@ class FlightKey:
     """
 
     position: Annotated[
-        Vector, schema.POINT_FIELD, KeyText("The place of the eye, in world units.", example="[0, -400, 60]")
+        Vector,
+        schema.POINT_FIELD,
+        KeyText("Of a `flight`, which needs it: the place of the eye, in world units.", example="[0, -400, 60]"),
     ]
     target: Annotated[
-        Vector, schema.POINT_FIELD, KeyText("The place that the eye looks at, in world units.", example="[0, 0, 60]")
+        Vector,
+        schema.POINT_FIELD,
+        KeyText(
+            "Of a `flight`, which needs it: the place that the eye looks at, in world units.", example="[0, 0, 60]"
+        ),
     ]
     roll: Annotated[float, _ANGLE, KeyText("The clockwise turn of the picture, in degrees.")] = 0.0
     frame: Annotated[
         int | None,
         schema.FRAME_NUMBER_FIELD,
-        KeyText("The frame of the flight at which the eye is here.", "at a constant speed", "0"),
+        KeyText(
+            "The frame of the flight at which the eye is here.",
+            "the one that it reaches at an even speed",
+            "0",
+        ),
     ] = None
 
 
@@ -232,19 +251,26 @@ _PATHS: dict[str, type[PathPiece]] = {
 }
 
 
-def _merged(tables: Iterable[schema.FieldTable]) -> dict[str, schema.FieldType[Any]]:
-    """Return the types of the keys in all tables. Where two types differ, it is the first, with the keys of both."""
+def _merged(tables: Sequence[schema.FieldTable]) -> dict[str, schema.FieldType[Any]]:
+    """Return the types of the keys in all tables. Where two types differ, it is the first, with the keys of both.
+
+    A key is needed if it is needed in all tables.
+    """
     found: dict[str, schema.FieldType[Any]] = {}
     for key, field in (pair for table in tables for pair in table.items()):
         first = found.setdefault(key, field)
         if first.table and field.table:
             found[key] = replace(first, table=_merged([first.table, field.table]))
-    return found
+    return {
+        key: replace(field, is_needed=all(key in table and table[key].is_needed for table in tables))
+        for key, field in found.items()
+    }
 
 
 _TYPE: schema.FieldType[Any] = schema.described(
     schema.choice_field(*_PATHS),
-    "The kind of path: a turn, to and fro, through directions, a rest, or a flight of the eye through points.",
+    "`turntable`: once around. `rocker`: to and fro. `keyframes`: through directions. `hold`: at rest. `flight`: the "
+    "eye flies through points.",
 )
 _SECONDS = schema.described(
     schema.number_field(above=0, maximum=MAX_SECONDS, motion=None),
@@ -252,7 +278,7 @@ _SECONDS = schema.described(
     example="4",
 )
 _PATH_FIELDS = {name: {"type": _TYPE, **schema.field_table(cls), "seconds": _SECONDS} for name, cls in _PATHS.items()}
-_PATH_KEYS = _merged(_PATH_FIELDS.values())
+_PATH_KEYS = _merged([*_PATH_FIELDS.values()])
 # For each key of a path, the hint for a path of a type that lacks this key. It names the types that have the key.
 _OWNERS = {
     key: f"{key} belongs to type: {join_words(name for name, table in _PATH_FIELDS.items() if key in table)}"
@@ -366,7 +392,7 @@ class CameraSpec:
     path: Annotated[CameraPath, _PATH, KeyText("The way of the camera: one path, or a list of paths in a row.")]
     projection: Annotated[
         Literal["perspective", "orthographic"],
-        KeyText("`orthographic` shows as much height as perspective does at the target, without foreshortening."),
+        KeyText("`orthographic`: no foreshortening; the picture is as high as that of `perspective` at the target."),
     ] = "perspective"
     field_of_view: Annotated[
         float,
@@ -387,7 +413,7 @@ class CameraSpec:
         schema.LENGTH_FIELD,
         KeyText(
             "The distance from the eye to the target, in world units.",
-            "everything visible fits the frame on the whole path",
+            "so that everything visible fits into the picture on the whole path",
             "716",
         ),
     ] = None
@@ -410,7 +436,8 @@ class CameraSpec:
         KeyText("With `target: visible`: whether the target is the centre of each frame, and not of the whole film."),
     ] = False
     loop: Annotated[
-        Literal["restart", "ping-pong"], KeyText("`ping-pong`: the camera goes along its path and back.")
+        Literal["restart", "ping-pong"],
+        KeyText("`restart`: the film ends with the path. `ping-pong`: the camera goes along its path and back."),
     ] = "restart"
 
     @property

@@ -72,7 +72,7 @@ class ClipSpec:
             "camera's axes, from the camera's target."
         ),
     ] = "object"
-    invert: Annotated[bool, KeyText("Whether the other side is clipped away.")] = False
+    invert: Annotated[bool, KeyText("Whether the other side is clipped away; of a box, all but its inside.")] = False
 
 
 def _check_clip(node: TreeNode, given: dict[str, Any]) -> None:

@@ -101,7 +101,10 @@ class ErrorSpec:
     probes: Annotated[
         int | None,
         _PROBES,
-        KeyText("The pixels of a frame whose exact rays measure its accuracy; `auto`: 16 at 512 x 512; 0: none."),
+        KeyText(
+            "The number of pixels whose exact rays measure the accuracy of a frame. `auto`: 16 at 512 x 512, and 8 "
+            "with `light`. 0: it is not measured."
+        ),
     ] = None
     goal: SplatBudget | TimeBudget | MetricTarget | None = None
 
@@ -149,7 +152,7 @@ _SCHEDULES: dict[str, schema.FieldType[Any]] = {
     ),
     "splats": schema.described(
         schema.integer_field(minimum=1, maximum=MAX_SPLATS, zero_hint=_SPLATS_HINT, motion="ratio"),
-        "In place of `tolerance`: the most bricks of a frame, or cells where splats are drawn.",
+        "In place of `tolerance`: the largest number of bricks of a frame, or of cells where splats are drawn.",
         example="200",
     ),
     "seconds": schema.described(
@@ -159,12 +162,12 @@ _SCHEDULES: dict[str, schema.FieldType[Any]] = {
     ),
     "psnr": schema.described(
         schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT, motion=None),
-        "In place of `tolerance`: how near the whole film is to the truth, in dB.",
+        "In place of `tolerance`: the PSNR of the whole film against exact pictures, in dB.",
         example="40",
     ),
     "rmse": schema.described(
         schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT, motion=None),
-        "In place of `tolerance`: the root of the mean squared difference of colors, from 0 to 1, to the truth.",
+        "In place of `tolerance`: the root mean square difference between colors of the film and of exact pictures.",
         example="0.01",
     ),
 }

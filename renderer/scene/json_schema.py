@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,14 +10,13 @@ from typing import Any
 
 from renderer.scene.message_text import format_value
 from renderer.scene.tree_node import FieldTable, FieldType, JsonSchema
-from renderer.scene.yaml_tree import parse_yaml
 
 # Whole numbers below this are written without a point and an exponent.
 _MAX_WHOLE = 1e15
 # The words for how values move between two keys.
 _MOTIONS = {"linear": "by equal amounts", "ratio": "in even ratios", "direction": "on the sphere"}
-# A text that needs no quotes in YAML.
-_PLAIN_TEXT = re.compile(r"-?[A-Za-z][\w./-]{0,60}", re.ASCII)
+# A text that needs no quotes in YAML, where true, false and null are no texts.
+_PLAIN_TEXT = re.compile(r"(?!(?:true|false|null)\Z)-?[a-z][\w./-]{0,60}", re.ASCII | re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,9 @@ def _one_needed(group: Sequence[str]) -> JsonSchema:
 
 def key_schema(key: str, field: FieldType[Any], moves: bool = True) -> JsonSchema:
     """Return the JSON Schema of a key's value, with the text on the key."""
+    # This import is not at the top of the file, because reading a scene from plain data needs no YAML.
+    from renderer.scene.yaml_tree import parse_yaml
+
     if field.text is None:
         return field.schema(moves)
     default = {} if field.default is None else {"default": field.default}
@@ -115,7 +118,9 @@ def yaml_flow(value: object) -> str:
         return f"[{', '.join(map(yaml_flow, value))}]"
     if isinstance(value, bool):
         return "true" if value else "false"
-    return value if isinstance(value, str) and _PLAIN_TEXT.fullmatch(value) else format_value(value).replace("'", '"')
+    if isinstance(value, str):
+        return value if _PLAIN_TEXT.fullmatch(value) else json.dumps(value, ensure_ascii=False)
+    return format_value(value)
 
 
 def as_written(value: object) -> object:

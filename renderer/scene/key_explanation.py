@@ -16,6 +16,8 @@ from renderer.scene.spec import SECTION_ALTERNATIVES, SECTIONS
 
 # The comment in a JSON Schema by hsplat, which tells its file from others.
 SCHEMA_COMMENT = "the keys of hsplat's scenes; `hsplat schema` writes this file"
+# The name of a whole scene, by which editors offer all needed keys at once.
+_TITLE = "scene"
 # A part of the schema that is at least this long, in characters, and stands at several places is a definition.
 _MIN_SHARED = 200
 # The parts of a JSON Schema that hold schemas: by key, in lists, alone.
@@ -29,7 +31,7 @@ _MAX_NEAR = 3
 def scene_schema() -> JsonSchema:
     """Return the JSON Schema (draft 7) of a scene file, as plain data."""
     shape = schema.mapping_schema(SECTIONS, SECTION_ALTERNATIVES, moves=True)
-    head = {"$schema": "http://json-schema.org/draft-07/schema#", "$comment": SCHEMA_COMMENT}
+    head = {"$schema": "http://json-schema.org/draft-07/schema#", "$comment": SCHEMA_COMMENT, "title": _TITLE}
     return head | _with_definitions(shape)
 
 

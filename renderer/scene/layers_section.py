@@ -135,17 +135,21 @@ _OWN_TABLE: schema.FieldTable = {
         words="no name",
         example="CT",
     ),
-    "transfer_function": schema.described(TRANSFER_FUNCTION_SECTION, "The colors and opacities of the values."),
-    "labels": schema.described(LABELS_FIELD, "In place of `transfer_function`: the labels of a segmentation."),
+    "transfer_function": schema.described(TRANSFER_FUNCTION_SECTION, "The colors and opacities of its values."),
+    "labels": schema.described(LABELS_FIELD, "In place of `transfer_function`: the labels that are shown."),
     "color": schema.described(
         COLOR_FIELD,
-        "In place of `transfer_function`: nothing at the first value of `range`, this color at the second.",
+        "In place of `transfer_function`, with `range`: nothing is seen at its first value, this color at its second.",
         example='"#ff8000"',
     ),
-    "range": schema.described(VALUE_RANGE_FIELD, "With `color`: its two values.", example="[100, 2000]"),
+    "range": schema.described(
+        VALUE_RANGE_FIELD, "With `color`: the two values between which it appears.", example="[100, 2000]"
+    ),
     "transform": TRANSFORM_FIELD,
     "weight": schema.described(
-        schema.number_field(minimum=0, maximum=MAX_WEIGHT), "A factor on the volume's extinction.", default=1
+        schema.number_field(minimum=0, maximum=MAX_WEIGHT),
+        "A factor on the extinction of this volume.",
+        default=LayerSpec.weight,
     ),
     "shading": schema.described(
         schema.dataclass_field(ShadingSpec), "The light on this volume.", words="the scene's shading"

@@ -144,10 +144,15 @@ class LightSpec:
     environment: Annotated[
         EnvironmentSpec,
         _ENVIRONMENT,
-        KeyText("The surroundings that light comes from in all directions: a name, or three colors."),
+        KeyText(
+            "The surroundings, from which light comes in all directions: `studio`, `outdoor`, `overcast`, or colors."
+        ),
     ] = ENVIRONMENTS["studio"]
     up: Annotated[Vector, _UP, KeyText("The direction to the top of the environment.")] = (0.0, 0.0, 1.0)
-    key: Annotated[KeySpec | None, KeyText("A lamp that turns with the object.", "no key light")] = None
+    key: Annotated[
+        KeySpec | None,
+        KeyText("A lamp far away. It turns with the object unless its direction is `camera`.", "no lamp"),
+    ] = None
     scattering: Annotated[
         float, _SHARE, KeyText("How strongly matter scatters light on its way; 0: matter only shadows.")
     ] = 1.0
@@ -159,7 +164,12 @@ class LightSpec:
         32.0
     )
     exposure: Annotated[
-        float | None, _EXPOSURE, KeyText("The brightness of the whole film, in stops: 1 is twice as bright as 0.")
+        float | None,
+        _EXPOSURE,
+        KeyText(
+            "The brightness of the whole film, in stops: 1 is twice as bright as 0. `auto`: matter is about as bright "
+            "as in even white light."
+        ),
     ] = None
     cells: Annotated[
         int, _CELLS, KeyText("The most cells along an axis of the grid of light: more are more exact, and slower.")

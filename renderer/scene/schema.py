@@ -362,9 +362,9 @@ def described(
 ) -> FieldType[T]:
     """Return the type of a key's value with the text on the key.
 
-    default: the key's default, as a scene has it. words, example: as `default` and `example` of KeyText.
+    default: the key's default; None for none. words, example: as `default` and `example` of KeyText.
     """
-    return replace(field, text=KeyText(sentence, words, example), default=default)
+    return replace(field, text=KeyText(sentence, words, example), default=as_written(default))
 
 
 def _key_text(hint: Any) -> KeyText | None:
@@ -374,9 +374,10 @@ def _key_text(hint: Any) -> KeyText | None:
 
 def _default(field: FieldType[Any], value: object) -> object:
     """Return the default of a key as a scene has it, from the default of the dataclass; None for no default."""
-    return (
-        None if value is MISSING else next((w for w, meant in field.words.items() if meant == value), as_written(value))
-    )
+    if value is MISSING:
+        return None
+    words = (word for word, meant in field.words.items() if meant == value)
+    return next(words, as_written(value))
 
 
 def _field_type(hint: Any) -> FieldType[Any] | None:

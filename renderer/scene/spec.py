@@ -38,6 +38,7 @@ VERSION = 1
 
 # How layers are mixed: extinctions add up and colours mix in their proportion, or light adds up and nothing absorbs it.
 Blend = Literal["mix", "add"]
+_DEFAULT_BLEND: Blend = "mix"
 
 
 @dataclass(frozen=True)
@@ -45,11 +46,12 @@ class PyramidSpec:
     """A choice of the quantity that an octree node averages, and of the precision in which the average is stored."""
 
     average: Annotated[
-        Literal["extinction", "opacity"], schema.KeyText("The quantity that cells average; `opacity` is the paper's.")
+        Literal["extinction", "opacity"],
+        schema.KeyText("The quantity that is averaged: `extinction`, or `opacity` as in the paper."),
     ] = "extinction"
     precision: Annotated[
         Literal["half", "single"],
-        schema.KeyText("The precision of averages; `half`: float16, with a relative error of 2^-11."),
+        schema.KeyText("The type of averages. `half`: float16, with a relative error of 2^-11. `single`: float32."),
     ] = "half"
 
 
@@ -65,22 +67,33 @@ _VERSION = schema.FieldType(
 
 # The keys of a scene. A scene has `volume`, or else `volumes`; a volume has `transfer_function`, or else `labels`.
 _DESCRIBED: schema.FieldTable = {
-    "volume": schema.described(VOLUME_SECTION, "The voxels that are drawn."),
+    "volume": schema.described(VOLUME_SECTION, "The voxels that are drawn, from `file`, `raw` or `procedural`."),
     "transfer_function": schema.described(
         TRANSFER_FUNCTION_SECTION,
-        "The colors and opacities of the values: points, a colormap with opacities, or an import.",
+        "The colors and opacities of the values: by `points`, by `colormap`, `range` and `opacity`, or by `import`.",
     ),
     "labels": schema.described(
-        LABELS_FIELD, "In place of `transfer_function`: the labels of a segmentation, and their colors."
+        LABELS_FIELD,
+        "In place of `transfer_function`: the labels of a segmentation that are shown, and their colors.",
+        example="{show: [3, thalamus]}",
     ),
     "camera": schema.described(CAMERA_FIELD, "The camera and its path."),
-    "output": schema.described(OUTPUT_SECTION, "The file of the film, or a list of files of one drawing."),
-    "error": schema.described(ERROR_SECTION, "The accuracy of the film.", words="tolerance: 0.1"),
+    "output": schema.described(
+        OUTPUT_SECTION,
+        "The file of the film, or a list of files that show the same film.",
+        example="{file: scan.mp4, size: [1024, 1024]}",
+    ),
+    "error": schema.described(ERROR_SECTION, "How exact the film is.", words=f"tolerance: {ErrorSpec.tolerance}"),
     "splat": schema.described(
-        SPLAT_SECTION, "The primitives that are drawn for cells.", words="bricks, footprint: integrated"
+        SPLAT_SECTION,
+        "The primitive that is drawn for each cell: a splat or a brick.",
+        words="footprint: integrated, which draws bricks",
+        example="{footprint: gaussian, sigma: 0.425}",
     ),
     "pyramid": schema.described(
-        schema.dataclass_field(PyramidSpec), "The averages that coarse cells have.", words="average: extinction"
+        schema.dataclass_field(PyramidSpec),
+        "The averages of voxels that larger cells have.",
+        words=f"average: {PyramidSpec.average}, precision: {PyramidSpec.precision}",
     ),
     "shading": schema.described(
         schema.dataclass_field(ShadingSpec), "A light on surfaces, and how clearly they are seen.", words="even light"
@@ -98,15 +111,20 @@ _DESCRIBED: schema.FieldTable = {
     ),
     "clip": schema.described(CLIP_SECTION, "Planes and boxes that clip parts away, at most six.", words="none"),
     "mask": schema.described(
-        MASK_SECTION, "A volume of labels that says where the volume is shown.", words="everywhere"
+        MASK_SECTION,
+        "A volume of labels, inside of which alone the volume is shown: the keys of `volume` or `name`, and these.",
+        words="the volume is shown everywhere",
     ),
     "volumes": schema.described(
-        VOLUMES_SECTION, "In place of `volume` and `transfer_function`: several volumes in one picture."
+        VOLUMES_SECTION,
+        "In place of `volume` and `transfer_function`: several volumes in one picture, each with the keys of `volume` "
+        "and these.",
+        example='[{file: scan.nhdr, color: "#ff8000", range: [100, 2000]}]',
     ),
     "blend": schema.described(
         schema.choice_field(*get_args(Blend)),
         "How several volumes are mixed. `mix`: extinctions add up. `add`: light adds up, and nothing absorbs it.",
-        default="mix",
+        default=_DEFAULT_BLEND,
     ),
     "annotation": schema.described(
         ANNOTATION_SECTION, "Texts, bars and lines over the picture.", words="nothing is drawn over it"
@@ -278,7 +296,7 @@ class Scene(FilmScene):
     fog: FogSpec | None = None
     mode: ModeSpec = field(default=ModeSpec())
     clip: tuple[ClipSpec, ...] = ()
-    blend: Blend = "mix"
+    blend: Blend = _DEFAULT_BLEND
     annotation: AnnotationSpec = field(default=AnnotationSpec())
     shared: SharedKeys | None = None
 

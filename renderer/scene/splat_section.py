@@ -54,21 +54,25 @@ class SplatSpec:
     sigma: Annotated[
         float,
         schema.number_field(minimum=0.38, maximum=2),
-        KeyText("The standard deviation of the gaussian footprint, in cells."),
+        KeyText("Of the gaussian footprint: its standard deviation, in cells."),
     ] = 0.425
     angular: Annotated[
-        int, schema.integer_field(minimum=3, maximum=64), KeyText("The vertices of a ring of the gouraud footprint.")
+        int,
+        schema.integer_field(minimum=3, maximum=64),
+        KeyText("Of the gouraud footprint: the number of vertices of a ring."),
     ] = 8
     radial: Annotated[
-        int, schema.integer_field(minimum=1, maximum=32), KeyText("The rings of vertices of the gouraud footprint.")
+        int,
+        schema.integer_field(minimum=1, maximum=32),
+        KeyText("Of the gouraud footprint: the number of rings of vertices."),
     ] = 3
     profile: Annotated[
         tuple[tuple[float, float], ...],
         _PROFILE,
-        KeyText("The weight of the gouraud footprint by radius, as [radius, weight] with radius from 0 to 1."),
+        KeyText("Of the gouraud footprint: its weight by radius, as [radius, weight] with radius from 0 to 1."),
     ] = ((0.0, 1.0), (0.5, 0.6), (1.0, 0.0))
     opacity_correction: Annotated[
-        bool, KeyText("Whether opacities are by the length through a cell; false: by that through a voxel.")
+        bool, KeyText("Whether opacities are of the length of a ray in the cell; false: of its length in a voxel.")
     ] = True
     order: Annotated[
         Literal["depth", "unmixed", "boxes"],

@@ -148,18 +148,23 @@ VALUE_RANGE_FIELD = schema.sequence_field(
 )
 _OPACITY_POINT = schema.pair_field(_NUMBER, _PART, "[value, opacity]: a number, and a number from 0 to 1")
 _UNIT_FIELD = schema.described(
-    schema.LENGTH_FIELD, "The length that opacities refer to.", words="the finest spacing", example="1"
+    schema.LENGTH_FIELD,
+    "The thickness of the matter whose opacity is given, in world units.",
+    words="the finest spacing",
+    example="1",
 )
 _COLORMAP_FIELDS: schema.FieldTable = {
     "colormap": schema.described(
         COLORMAP_FIELD, "In place of `points`, with `range` and `opacity`: a colormap of cmap or ParaView, by its name."
     ),
     "range": schema.described(
-        VALUE_RANGE_FIELD, "The values of the first and the last color of the colormap.", example="[0, 255]"
+        VALUE_RANGE_FIELD,
+        "The values of the first and the last color of the colormap, or of an import.",
+        example="[0, 255]",
     ),
     "opacity": schema.described(
         schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
-        "Opacities of matter as thick as `unit`, as [value, opacity]; projections need none.",
+        "Pairs [value, opacity] of matter as thick as `unit`, in place of those of an import; projections need none.",
         example="[[0, 0], [255, 0.4]]",
     ),
 }
@@ -192,8 +197,8 @@ _IMPORT_FIELDS: schema.FieldTable = {
             schema.number_field(above=0),
             "beside a colormap log or linear; beside import a number greater than 0",
         ),
-        "With `import`: a factor on values of the file. With a colormap: `log` for even steps of the logarithm.",
-        words="1 with `import`, else linear",
+        "With `import`: a factor on values of the file. With `colormap`: `linear` or `log` steps between colors.",
+        words="1 with `import`, linear with `colormap`",
         example="log",
     ),
 }
@@ -202,7 +207,7 @@ _FIELDS: schema.FieldTable = {
     "relative": schema.described(
         schema.BOOLEAN_FIELD,
         "Whether the values of `points`, `range` and `opacity` are percentiles of the voxels with data.",
-        default=False,
+        default=TransferSpec.relative,
     ),
     "points": schema.described(
         schema.sequence_field(

@@ -211,6 +211,11 @@ def _numbered_volumes(folder: Path) -> list[tuple[int, str]]:
     return [(int(own[different[0]]), name) for own, name in zip(parts, volumes, strict=True)]
 
 
+def has_steps_in_time(folder: Path) -> bool:
+    """Return whether the volumes in a folder are steps in time, as their names differ in one number only."""
+    return bool(_numbered_volumes(folder))
+
+
 def _may_be_slice(name: str) -> bool:
     """Return whether a file may be a slice, by its name. Many DICOM files have a number in place of a suffix."""
     has_numbers = re.search("[0-9]", name) and all(re.fullmatch("[0-9]+", part) for part in name.split(".")[1:])

@@ -145,7 +145,6 @@ _CROP = schema.FieldType(
     plain_schema=lambda moves: schema.any_of(_RANGES.plain_schema(moves), schema.mapping_schema(_AXES, moves=moves)),
 )
 
-
 _NUMBERS = schema.sequence_field(schema.number_field(motion=None), "a list of numbers")
 
 
@@ -188,7 +187,6 @@ TRANSFORM_FIELD = schema.described(
     words="no change",
     example="[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
 )
-
 
 # A range of voxels along an axis: the number of the first voxel, and of the voxel after the last one.
 Range = tuple[int, int]
@@ -234,7 +232,9 @@ class ProceduralSource:
     name: Annotated[str, schema.choice_field(*PROCEDURAL_NAMES), KeyText("The formula that makes the voxels.")]
     shape: Shape
     seed: Annotated[
-        int, schema.integer_field(minimum=0, maximum=2**32 - 1), KeyText("The seed of the random numbers in it.")
+        int,
+        schema.integer_field(minimum=0, maximum=2**32 - 1),
+        KeyText("The seed of the random numbers of a formula."),
     ] = 1
     spacing: Spacing = (1.0, 1.0, 1.0)
     phase: Annotated[
@@ -292,14 +292,19 @@ class VolumeSpec:
     time: Annotated[
         float | int | Literal["auto"] | None,
         _TIME,
-        KeyText("The number of a step in time, from 0; `auto`: all steps in the course of the film.", "the first", "0"),
+        KeyText(
+            "The number of a step in time, from 0, which may move: {0: 0, 119: 29}. `auto`: all steps in the course of "
+            "the film.",
+            "the first",
+            "0",
+        ),
     ] = None
     component: Annotated[
         int | Literal["all", "color", "color_alpha"] | None,
         _COMPONENT,
         KeyText(
-            "The number of a component of the voxels, from 0. `all`: a layer of each. `color`, `color_alpha`: voxels "
-            "are colors, with luminance or alpha as values.",
+            "The number of a component of the voxels, from 0. `all`: each is a volume of its own. `color`, "
+            "`color_alpha`: voxels are colors, whose luminance or alpha is the value.",
             "the first",
             "0",
         ),
@@ -308,7 +313,8 @@ class VolumeSpec:
         Ranges | None,
         _CROP,
         KeyText(
-            "The voxels that are read, along x, y and z: the first, and the one after the last.",
+            "The voxels that are read: along x, y and z the first one, and the one after the last. {z: [0, 50]} crops "
+            "one axis.",
             "all",
             "[[0, 100], [20, 80], [0, 50]]",
         ),
@@ -316,7 +322,10 @@ class VolumeSpec:
     nodata: Annotated[
         Literal["auto", "none"] | tuple[float, ...],
         _NODATA,
-        KeyText("The values of voxels without data, which are left out; `auto`: NaN, infinities and fill values."),
+        KeyText(
+            "The values of voxels without data, which are left out: a number or a list. `auto`: NaN, infinities and "
+            "fill values. `none`: all values are data."
+        ),
     ] = "auto"
     dataset: Annotated[
         str | None,
@@ -327,7 +336,7 @@ class VolumeSpec:
             "in/volume",
         ),
     ] = None
-    interpolate: Annotated[bool, KeyText("Whether there is a mixture of both steps between two times.")] = False
+    interpolate: Annotated[bool, KeyText("Whether a `time` between two steps shows a mixture of both.")] = False
     unit: Annotated[
         str | None, _UNIT, KeyText("The unit of lengths in the world, in place of the file's.", "the file's", "mm")
     ] = None
@@ -457,12 +466,12 @@ _NONFINITE_HINT = "NaN and infinities are left out, by `nodata: auto`"
 _SOURCES: dict[str, schema.FieldType[Any]] = {
     "file": schema.described(
         replace(SOURCE_FIELD, parser=_parse_file),
-        "The file or folder of the volume, or the URL of a store, or the files of steps in time; relative to the "
-        "scene's file.",
+        "A file such as NRRD, NIfTI or TIFF, a folder of slices, the URL of a store, or a list of steps in time; "
+        "relative to the scene's file.",
         example="scan.nhdr",
     ),
     "raw": schema.described(
-        schema.dataclass_field(RawSource, _check_raw), "In place of `file`: a file of voxels without a header."
+        schema.dataclass_field(RawSource, _check_raw), "In place of `file`: voxels without a header."
     ),
     "procedural": schema.described(
         schema.dataclass_field(ProceduralSource), "In place of `file`: a volume that a formula makes."

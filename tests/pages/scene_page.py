@@ -15,6 +15,7 @@ from renderer.scene import (
     MIN_WORLD_LENGTH,
     PATH_EXAMPLES,
     SECTIONS,
+    join_words,
     scene_keys,
     schema,
 )
@@ -32,6 +33,10 @@ _LONGEST = 66
 # Sections that scenes have although they may be left out, and a key that is not for the first output.
 _SHOWN = ("volume", "transfer_function")
 _HIDDEN = ("output.every",)
+# Sections with the keys of `volume`.
+_LIKE_VOLUME = ("volumes", "mask")
+# A path of several pieces.
+_PIECES = "[{type: turntable, seconds: 2}, {type: hold, frames: 20}]"
 _MOTIONS = {"linear": "", "ratio": " (in even ratios)", "direction": " (on the sphere)"}
 
 
@@ -45,6 +50,7 @@ def scene_page() -> str:
 
 
 def _listing() -> Iterator[str]:
+    told = _ToldKeys()
     for name, field in sorted(SECTIONS.items(), key=lambda item: item[0] != "version"):
         is_live = field.is_needed or name in _SHOWN
         own = {key: item for key, item in (field.table or {}).items() if key not in _others(name)}
@@ -57,15 +63,44 @@ def _listing() -> Iterator[str]:
         for indent, (key, item) in zip(indents, own.items(), strict=False):
             for number, value in enumerate(_values(key, item)):
                 is_shown = is_live and number == 0 and _is_shown(f"{name}.{key}", item)
-                text = item if number == 0 else None
+                text = item if number == 0 and not (name in _LIKE_VOLUME and key == "file") else None
                 mark = "  # " if is_live and not is_shown else "" if is_live else f"# {indent}"
                 yield from _key_lines(mark or indent, key, value, text)
+            if key not in SECTIONS:
+                start = "" if is_live else "# "
+                yield from (f"{start}  #   {line}" for line in told.of(item))
         yield ""
+
+
+class _ToldKeys:
+    """The keys that are needed inside of others, and their words for values. Each line is told once."""
+
+    def __init__(self) -> None:
+        self._known: set[str] = set()
+
+    def of(self, field: schema.FieldType[Any]) -> Iterator[str]:
+        """Yield the lines on keys inside of a key that are not told yet."""
+        table = field.table or {}
+        needed = [key for key, item in table.items() if item.is_needed]
+        lines = [f"needed: {join_words(needed, 'and')}"] if needed else []
+        for key, item in table.items():
+            words = [] if "black" in item.words else _words_in(item.plain_schema(False))
+            lines += [f"{key}: {join_words(words)}"] if len(words) > 1 else []
+        yield from (line for line in lines if line not in self._known)
+        self._known.update(lines)
+        for item in table.values():
+            yield from self.of(item)
+
+
+def _words_in(shape: Any) -> list[str]:
+    """Return the words for values in a JSON Schema."""
+    found = [word for word in shape.get("enum", ()) if isinstance(word, str)]
+    return found + [word for each in shape.get("anyOf", ()) for word in _words_in(each)]
 
 
 def _others(name: str) -> tuple[str, ...]:
     """Return the keys of a section that the listing has in `volume` already."""
-    return tuple(SECTIONS["volume"].table or {})[1:] if name in ("volumes", "mask") else ()
+    return tuple(SECTIONS["volume"].table or {})[1:] if name in _LIKE_VOLUME else ()
 
 
 def _is_shown(path: str, field: schema.FieldType[Any]) -> bool:
@@ -77,7 +112,7 @@ def _is_shown(path: str, field: schema.FieldType[Any]) -> bool:
 def _values(key: str, field: schema.FieldType[Any]) -> list[str]:
     """Return the values of a key in the listing, as YAML: its default or an example, and its other forms."""
     if key == "path":
-        return [*PATH_EXAMPLES]
+        return [*PATH_EXAMPLES, _PIECES]
     if key in SECTIONS and field.table:
         return ["[...]" if key == "clip" else "{...}"]
     values = [schema.example_of(field)]
@@ -98,7 +133,8 @@ def _key_lines(indent: str, key: str, value: str, field: schema.FieldType[Any] |
         words += f" Default: {field.text.default}."
     words = f"Needed. {words}" if field is not None and field.is_needed else words
     if len(line) > _LONGEST:
-        yield from (f"{indent}# {each}" for each in textwrap.wrap(words, _WIDTH - 10))
+        mark = indent if indent.startswith("  #") else f"{indent}# "
+        yield from (f"{mark}{each}" for each in textwrap.wrap(words, _WIDTH - 10))
         yield line
         return
     column = max(_COLUMN, len(line) + 2)

@@ -23,9 +23,10 @@ def test_the_page_is_made_from_the_docstrings() -> None:
     assert PAGE.read_text("utf-8") == api_page(), "python tests/pages/api_page.py writes it"
 
 
-def test_importing_the_door_loads_no_array_library() -> None:
+@pytest.mark.parametrize("module", ["renderer", "renderer.scene.spec"])
+def test_importing_the_door_or_the_scene_loads_no_large_library(module: str) -> None:
     program = (
-        "import sys, renderer; dir(renderer); sys.exit(any(m in sys.modules for m in ('numpy', 'ctypes', 'yaml')))"
+        f"import sys, {module}; dir({module}); sys.exit(any(m in sys.modules for m in ('numpy', 'ctypes', 'yaml')))"
     )
     assert python("-c", program).returncode == 0
 

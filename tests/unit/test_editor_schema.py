@@ -14,7 +14,7 @@ from broken_scenes import GOOD, MISTAKES, broken
 from gallery_page import gallery_scenes
 
 from hsplat_cli.scenes import SCHEMA_FILE, SCHEMA_LINE, schema_content, write_schema
-from renderer.errors import InputError, SceneError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
     SECTIONS,
     explain_key,
@@ -56,7 +56,9 @@ def paths_of(error: Any, data: Any) -> Iterator[str]:
 
 
 def test_the_schema_is_one() -> None:
+    """Its title is the label by which editors offer all needed keys at once; else the label is `object`."""
     jsonschema.Draft7Validator.check_schema(scene_schema())
+    assert scene_schema()["title"] == "scene"
 
 
 def test_every_scene_of_the_repository_is_right() -> None:
@@ -108,12 +110,33 @@ def test_every_default_and_example_is_right() -> None:
             jsonschema.validate(as_json(value), shape, jsonschema.Draft7Validator)
 
 
+@pytest.mark.parametrize(
+    "value", ["it's 5 m", 'a "b"', "x" * 90, "null", "True", "-z", "a: b", [1.5, True], {"a": "#0"}]
+)
+def test_plain_data_on_one_line_is_the_same_data(value: Any) -> None:
+    assert parse_yaml(schema.yaml_flow(value)).data == value
+
+
+def test_every_default_and_example_is_read(tmp_path: Path) -> None:
+    """Also those that contradict nothing in the schema, but each other."""
+    for name in ("scan.nhdr", "labels.ctbl", "institute.png", "NotoSansCJK-Regular.otf"):
+        (tmp_path / name).touch()
+    with (tmp_path / "a.raw").open("wb") as file:
+        file.truncate(2 * 128 * 128 * 64)
+    for key, field in scene_keys():
+        problems: list[Problem] = []
+        example = parse_yaml(schema.example_of(field)).data
+        field.read(schema.TreeNode(example, key, problems, tmp_path, film=schema.FilmTime(120, 30.0)))
+        assert [str(problem) for problem in problems] == [], key
+
+
 def test_a_key_is_explained() -> None:
     assert explain_key("light.key.radius") == [
         "light.key.radius: The angular radius of the key light, in degrees: a larger one makes softer shadows.",
         "  Value: a number from 0.1 to 90.",
         "  Default: 14.",
     ]
+    assert "  Needed." not in explain_key("camera.path.keys.frame"), "not of a flight"
     assert [line.partition(":")[0] for line in explain_key("")] == [*SECTIONS]
     assert explain_key("volumes.3.weight") == explain_key("volumes.weight")
 

@@ -122,6 +122,10 @@ class OnAnotherDevice:
         raise TypeError("can't convert cuda:0 device type tensor to numpy")
 
 
+# A DataArray of xarray that nothing can be computed of.
+LAZY = SimpleNamespace(dims=tuple("tzyx"), shape=(9, 3, 4, 5), coords={}, name="heat")
+
+
 @pytest.mark.parametrize(
     ("image", "told"),
     [
@@ -136,6 +140,7 @@ class OnAnotherDevice:
         (Nifti1Image(np.zeros((2, 2, 2, 2), "f4"), np.eye(4)), ("not the axes", "[2, 2, 2, 2]", "`image.slicer")),
         (Itk(spacing=(1, 1), origin=(0, 0)), ("not the axes", "2 axes with 5 components", "")),
         (data_array("tzyx", np.stack([VALUES] * 2)), ("not the axes", "t (2), z (3)", "`array.isel(t=0)`")),
+        (LAZY, ("not the axes", "t (9), z (3)", "`array.isel(t=0)`")),
         (data_array("zyx", x=Coordinates([0, 1, 4, 9, 16])), ("are not even", "x", "numpy.linspace(FIRST, LAST, 5)")),
         ({"scan": VALUES}, ("not the axes", "an object of type dict", "")),
         (SimpleNamespace(dims="z", coords={}, name="x"), ("SimpleNamespace is not read", "no attribute 'shape'", "")),
