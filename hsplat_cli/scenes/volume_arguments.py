@@ -92,10 +92,15 @@ def _keyed(
             raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
         return text if keeps_text else value
 
+    def offer(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+        """Return the words that a shell offers: of `metavar`, where capitals stand for other values."""
+        return [word for word in metavar.split("|") if word.islower() and word.startswith(incomplete)]
+
     return click.option(
         name,
         type=str,
         metavar=metavar,
+        shell_complete=offer,
         callback=read,
         help=help_text,
         default=default,
@@ -197,6 +202,7 @@ film_options = packed_options(
     click.option(
         "--preset",
         metavar="WORD|NAME|FILE[#NAME]",
+        shell_complete=lambda _context, _parameter, text: [word for word in PRESET_WORDS if word.startswith(text)],
         help=f"Show {', '.join(PRESET_WORDS)}; or take a preset such as ct-bone, or another program's file.",
     ),
     click.option(

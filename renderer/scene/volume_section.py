@@ -254,7 +254,7 @@ class ArraySource:
     """
 
     key: ClassVar[str] = "array"
-    values: Any
+    values: Any = field(repr=False)
     name: str = "the array"
     affine: tuple[tuple[float, ...], ...] | None = None
     unit: str = ""
