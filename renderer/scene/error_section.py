@@ -131,7 +131,8 @@ def _parse_number(node: TreeNode) -> Any:
 
 
 def _tolerance_schema(_moves: bool) -> schema.JsonSchema:
-    return schema.any_of({"const": 0}, {"type": "number", "minimum": MIN_TOLERANCE})
+    zero = {"const": 0, "errorMessage": f"expected 0, or a number of at least {format_value(MIN_TOLERANCE)}"}
+    return schema.any_of(zero, {"type": "number", "minimum": MIN_TOLERANCE})
 
 
 _NOT_NEGATIVE = schema.number_field(minimum=0)

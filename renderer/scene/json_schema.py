@@ -73,10 +73,14 @@ def key_schema(key: str, field: FieldType[Any], moves: bool = True) -> JsonSchem
 
     if field.text is None:
         return field.schema(moves)
-    default = {} if field.default is None else {"default": field.default}
-    example = "" if default else example_of(field)
-    examples = {"examples": [parse_yaml(example).data]} if example else {}
-    return {"title": key, "description": "\n".join(key_lines(field))} | default | examples | field.schema(moves)
+    shape = {"title": key, "description": "\n".join(key_lines(field))} | field.schema(moves)
+    if field.default is not None:
+        # A default beside the title would be written into a scene with its section. In `allOf` it is only proposed.
+        return shape | {"allOf": [*shape.get("allOf", []), {"default": field.default}]}
+    example = parse_yaml(example_of(field)).data if example_of(field) else None
+    # Editors write lists inside of lists wrongly.
+    has_lists = isinstance(example, list) and any(isinstance(item, list) for item in example)
+    return shape if example is None or has_lists else shape | {"examples": [example]}
 
 
 def key_lines(field: FieldType[Any]) -> list[str]:

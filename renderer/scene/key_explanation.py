@@ -6,7 +6,6 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
-from urllib.parse import quote
 
 from renderer.errors import InputError, closest_match
 from renderer.scene import schema
@@ -93,10 +92,10 @@ def _with_definitions(shape: JsonSchema) -> JsonSchema:
         if not isinstance(part, dict) or texts[text] < 2 or len(text) < _MIN_SHARED:
             return _map_schemas(part, shared, key)
         if text not in names:
-            same = sum(each.partition(" ")[0] == key for each in names.values())
-            name = names[text] = f"{key} {same + 1}" if same else key
+            same = sum(each.partition("-")[0] == key for each in names.values())
+            name = names[text] = f"{key}-{same + 1}" if same else key
             definitions[name] = _map_schemas(part, shared, key)
-        return {"$ref": f"#/definitions/{quote(names[text])}"}
+        return {"$ref": f"#/definitions/{names[text]}"}
 
     whole: JsonSchema = _map_schemas(shape, shared, "")
     return whole | {"definitions": definitions}

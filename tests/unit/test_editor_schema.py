@@ -110,6 +110,22 @@ def test_every_default_and_example_is_right() -> None:
             jsonschema.validate(as_json(value), shape, jsonschema.Draft7Validator)
 
 
+def test_completing_a_section_writes_no_defaults() -> None:
+    """Editors write the keys of a section whose default stands beside their title."""
+    parts = [*_mappings(scene_schema())]
+    assert [each for each in parts if "default" in each]
+    assert not [each for each in parts if "title" in each and "default" in each]
+
+
+def _mappings(part: Any) -> Iterator[dict[str, Any]]:
+    """Yield the mappings inside of a JSON Schema, with those inside of lists."""
+    if isinstance(part, dict):
+        yield part
+        part = [*part.values()]
+    for item in part if isinstance(part, list) else ():
+        yield from _mappings(item)
+
+
 @pytest.mark.parametrize(
     "value", ["it's 5 m", 'a "b"', "x" * 90, "null", "True", "-z", "a: b", [1.5, True], {"a": "#0"}]
 )
