@@ -1,21 +1,29 @@
 """Hooks of mkdocs: pages that are made for the site alone, and links that leave docs/.
 
-The README is the front page. Files outside docs/ that pages link to, such as scenes, are on one page, `files.md`.
+The README is the front page, `options.md` has the help of all commands, and `files.md` has the files outside docs/ that
+pages link to, such as scenes. docs/site/mkdocs.yml names this file.
 """
 
 from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import click
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+
+from hsplat_cli.main import hsplat
 
 ROOT = Path(__file__).resolve().parents[2]
 # The path of a link within the repository, without its anchor.
 _LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
+# Code between backticks, or a character with a meaning in Markdown.
+_MARKS = re.compile(r"`[^`]*`|[\\*_{}\[\]<>#|~]")
 _FILES_PAGE = "files.md"
 _FILES_HEAD = """\
 # Example scenes and other files
@@ -41,15 +49,63 @@ def _pages_at(place: Any) -> Any:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the front page and the page of files."""
+    """Add the front page, the page of options, and the page of files."""
     front = _LINK.sub(lambda link: os.path.relpath(link[1], "docs"), (ROOT / "README.md").read_text("utf-8"))
     texts = {file.src_uri: file.content_string for file in files.documentation_pages()} | {"index.md": front}
     outside = {
         target for page, text in texts.items() for link in _LINK.findall(text) if (target := _outside(page, link))
     }
     files.append(File.generated(config, "index.md", content=front))
+    files.append(File.generated(config, "options.md", content=_options_page()))
     files.append(File.generated(config, _FILES_PAGE, content=_files_page(outside)))
     return files
+
+
+class MarkdownFormatter(click.HelpFormatter):
+    """Collects the help of a command as the lines of a page in Markdown."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines: list[str] = []
+
+    def write_usage(self, prog: str, args: str = "", prefix: str | None = None) -> None:
+        """Write the heading of the command, and the line by which it is called."""
+        self.lines += [f"## {prog}", "", f"    {prog} {args}", ""]
+
+    def write_paragraph(self) -> None:
+        """Write nothing: `write_text` begins paragraphs."""
+
+    def write_text(self, text: str) -> None:
+        """Write paragraphs, between which are empty lines."""
+        self.lines += [_plain(text), ""]
+
+    def write_dl(self, rows: Iterable[tuple[str, str]], col_max: int = 30, col_spacing: int = 2) -> None:
+        """Write a table of options, each with its description. The last two arguments are for a terminal."""
+        self.lines += ["| option | meaning |", "|---|---|"]
+        self.lines += [f"| `{term}` | {_plain(' '.join(text.split()))} |" for term, text in rows]
+        self.lines.append("")
+
+    @contextmanager
+    def section(self, name: str) -> Iterator[None]:
+        """Write no heading before the lines that the block writes."""
+        yield
+
+
+def _plain(text: str) -> str:
+    """Return a text in which no character has a meaning in Markdown, except for code between backticks."""
+    return _MARKS.sub(lambda mark: mark[0] if mark[0][0] == "`" else f"&#{ord(mark[0])};", text)
+
+
+def _options_page() -> str:
+    """Return the page with the help of all commands."""
+    page = MarkdownFormatter()
+    page.lines += ["# Options of commands", "", "As `hsplat COMMAND --help` prints them.", ""]
+    root = click.Context(hsplat, info_name="hsplat")
+    for name in hsplat.list_commands(root):
+        command = hsplat.get_command(root, name)
+        assert command is not None, name
+        command.format_help(click.Context(command, root, name), page)
+    return "\n".join(page.lines)
 
 
 def _outside(page: str, link: str) -> str | None:
