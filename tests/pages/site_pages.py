@@ -15,6 +15,7 @@ from typing import Any
 
 import click
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 
 from hsplat_cli.main import hsplat
@@ -109,9 +110,16 @@ def _options_page() -> str:
 
 
 def _outside(page: str, link: str) -> str | None:
-    """Return the path in the repository of a link that leaves docs/; None for other links."""
+    """Return the path in the repository of a link that leaves docs/; None for other links.
+
+    Raises PluginError, which ends the build, if nothing is there.
+    """
     path = os.path.normpath(f"docs/{os.path.dirname(page)}/{link}")
-    return None if path.startswith("docs/") else path
+    if path.startswith("docs/"):
+        return None
+    if path.startswith("..") or not (ROOT / path).exists():
+        raise PluginError(f"{page}: the link {link} leads nowhere")
+    return path
 
 
 def _files_page(paths: set[str]) -> str:
