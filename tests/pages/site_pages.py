@@ -1,11 +1,12 @@
 """Hooks of mkdocs: pages that are made for the site alone, and links that leave docs/.
 
-The README is the front page, `options.md` has the help of all commands, and `files.md` has the files outside docs/ that
-pages link to, such as scenes. docs/site/mkdocs.yml names this file.
+The README is the front page. `options.md` has the help of all commands, `notebook.md` is api.ipynb, and `files.md` has
+the files outside docs/ that pages link to, such as scenes. docs/site/mkdocs.yml names this file.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -25,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 _LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
 # Code between backticks, or a character with a meaning in Markdown.
 _MARKS = re.compile(r"`[^`]*`|[\\*_{}\[\]<>#|~]")
+_NOTEBOOK_PAGE = "notebook.md"
 _FILES_PAGE = "files.md"
 _FILES_HEAD = """\
 # Example scenes and other files
@@ -50,7 +52,7 @@ def _pages_at(place: Any) -> Any:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the front page, the page of options, and the page of files."""
+    """Add the front page, and the pages of options, of the notebook and of files."""
     front = _LINK.sub(lambda link: os.path.relpath(link[1], "docs"), (ROOT / "README.md").read_text("utf-8"))
     texts = {file.src_uri: file.content_string for file in files.documentation_pages()} | {"index.md": front}
     outside = {
@@ -58,6 +60,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     }
     files.append(File.generated(config, "index.md", content=front))
     files.append(File.generated(config, "options.md", content=_options_page()))
+    files.append(File.generated(config, _NOTEBOOK_PAGE, content=_notebook_page()))
     files.append(File.generated(config, _FILES_PAGE, content=_files_page(outside)))
     return files
 
@@ -109,6 +112,13 @@ def _options_page() -> str:
     return "\n".join(page.lines)
 
 
+def _notebook_page() -> str:
+    """Return the page with the text and the code of the notebook."""
+    cells = json.loads((ROOT / "docs" / "api.ipynb").read_text("utf-8"))["cells"]
+    texts = [(cell["cell_type"], "".join(cell["source"])) for cell in cells]
+    return "\n\n".join(f"```python\n{text}\n```" if kind == "code" else text for kind, text in texts)
+
+
 def _outside(page: str, link: str) -> str | None:
     """Return the path in the repository of a link that leaves docs/; None for other links.
 
@@ -133,9 +143,11 @@ def _files_page(paths: set[str]) -> str:
 
 
 def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: Files) -> str:
-    """Let links that leave docs/ lead to the page of files."""
+    """Let links that leave docs/ lead to the page of files, and those to the notebook to its page."""
 
     def link_on_site(link: re.Match[str]) -> str:
+        if link[1].endswith("api.ipynb"):
+            return link[1].replace("api.ipynb", _NOTEBOOK_PAGE)
         target = _outside(page.file.src_uri, link[1])
         if target is None:
             return link[1]
