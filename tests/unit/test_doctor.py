@@ -62,4 +62,4 @@ def test_all_that_is_missing_has_the_line_that_installs_it(capsys, monkeypatch: 
 def test_each_extra_for_users_is_known() -> None:
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     table = text.partition("[project.optional-dependencies]\n")[2].partition("\n[")[0]
-    assert set(re.findall(r"(?m)^(\w+) = ", table)) - {"test", "dev"} == EXTRAS.keys()
+    assert set(re.findall(r"(?m)^(\w+) = ", table)) - {"docs", "test", "dev"} == EXTRAS.keys()
