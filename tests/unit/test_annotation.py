@@ -192,7 +192,6 @@ def test_what_cannot_be_drawn_is_told(tmp_path: Path) -> None:
     cases: list[tuple[dict[str, Any], str, str]] = [
         ({"title": "W" * 60}, "title", no_room),
         ({"title": {"text": "W" * 200, "size": 0.5}}, "title", no_room),
-        ({"legend": {"size": 0.3}}, "legend", no_room),
         ({"scale_bar": right, "color_bar": {"length": 0.6}}, "color_bar scale_bar", no_room),
         ({"title": wide, "time": "after {frame} frames of all of it"}, "time", "covers annotation.title"),
         ({"title": "a 中 \U00012345"}, "title", "the font lacks characters"),
@@ -205,7 +204,10 @@ def test_what_cannot_be_drawn_is_told(tmp_path: Path) -> None:
         problems = annotation_problems(annotation(**keys), FACTS, [FRAME])
         expected = [(f"annotation.{path}", what) for path in paths.split()]
         assert [(problem.path, problem.what) for problem in problems] == expected, keys
-    nothing = annotation_problems(annotation(legend=True, color_bar=True), replace(FACTS, bars=(), legend=()), [FRAME])
+    large = replace(annotation(), legend=EntrySpec(position="left", size=0.3))
+    assert [problem.what for problem in annotation_problems(large, FACTS, [FRAME])] == [no_room]
+    spec = replace(annotation(color_bar=True), legend=EntrySpec(position="left"))
+    nothing = annotation_problems(spec, replace(FACTS, bars=(), legend=()), [FRAME])
     assert [problem.path for problem in nothing] == ["annotation.legend", "annotation.color_bar"]
     assert not annotation_problems(ALL, replace(FACTS, size=(1280, 720)), [FRAME])
 
