@@ -23,12 +23,14 @@ from renderer.annotation import (
     FrameFacts,
     annotation_problems,
     draw_annotation,
+    film_facts,
     find_ticks,
     length_text,
     plain_text,
 )
 from renderer.errors import SceneError
 from renderer.film import bytes_digest
+from renderer.frame import Stage, prepare_stage
 from renderer.scene import (
     AnnotationSpec,
     ColorBarSpec,
@@ -263,3 +265,19 @@ def test_entries_have_the_color_and_size_of_the_annotation_or_their_own() -> Non
         ).patches(FRAME)
         assert (patch.rgba == (level, level, level, 1.0)).all(axis=2).any()
         assert not (patch.rgba == (1 - level, 1 - level, 1 - level, 1.0)).all(axis=2).any()
+
+
+def test_a_legend_names_volumes_without_names_by_file_and_component(tmp_path: Path) -> None:
+    values = np.random.default_rng(1).integers(0, 255, (2, 9, 9, 9), np.uint8)
+    np.save(tmp_path / "cells.npy", values)
+    np.save(tmp_path / "tissue.npy", values[0])
+    look = {"color": "lime", "range": [10, 200]}
+    volumes = [{"file": "cells.npy", "component": k} | look for k in range(2)]
+    volumes += [{"file": "tissue.npy"} | look, {"file": "tissue.npy", "name": "Tissue"} | look]
+    tree = {"volumes": volumes, "camera": {"path": {"type": "turntable", "frames": 1}}}
+    scene = parse_scene(tree | {"output": {"file": "a.png"}}, base=tmp_path)
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+        assert isinstance(stage, Stage)
+        facts = film_facts(stage.scene, stage.layers, stage.scene.output.kind)
+    names = ["cells.npy, component 0", "cells.npy, component 1", "tissue.npy", "Tissue"]
+    assert [name for name, _ in facts.legend] == names
