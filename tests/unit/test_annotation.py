@@ -281,3 +281,14 @@ def test_a_legend_names_volumes_without_names_by_file_and_component(tmp_path: Pa
         facts = film_facts(stage.scene, stage.layers, stage.scene.output.kind)
     names = ["cells.npy, component 0", "cells.npy, component 1", "tissue.npy", "Tissue"]
     assert [name for name, _ in facts.legend] == names
+
+
+def test_a_scene_of_labels_has_no_color_bar_and_channels_may_have_a_legend() -> None:
+    rest = {"camera": {"path": {"type": "turntable", "frames": 1}}, "output": {"file": "a.png"}}
+    volume = {"procedural": {"name": "atlas", "shape": [8, 8, 8]}}
+    labels = {"volume": volume, "labels": {}, "annotation": {"names": True, "legend": True, "color_bar": True}}
+    with pytest.raises(SceneError) as caught:
+        parse_scene(labels | rest, base=Path())
+    assert [problem.path for problem in caught.value.problems] == ["annotation.color_bar"]
+    channels = {"volume": {"file": __file__, "component": "all"}, "annotation": {"legend": True}}
+    assert parse_scene(channels | rest, base=Path()).at(0).annotation.legend is not None
