@@ -195,7 +195,8 @@ def _annotation(found: VolumeSuggestion) -> str:
         return "names: true"
     if found.volume.has_colors:
         return "scale_bar: true"
-    return f"{'legend' if found.layers else 'color_bar'}: true, scale_bar: true"
+    colors = "legend: {position: top-left}" if found.layers else "color_bar: true"
+    return f"{colors}, scale_bar: true"
 
 
 def _name(found: VolumeSuggestion) -> str:
