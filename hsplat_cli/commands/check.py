@@ -165,7 +165,11 @@ def _summary(scene: FilmScene, num_frames: int, costs: Forecast | None) -> list[
 
 def _output_text(output: OutputFile, num_frames: int, costs: Forecast | None) -> str:
     width, height = output.size
-    text = f"{output.file}, {width} x {height}{'' if costs is None else f', {costs.bytes_text([output.file])}'}"
+    text = f"{output.file}, {width} x {height}"
+    if output.dpi is not None:
+        lengths = " x ".join(f"{25.4 * side / output.dpi:.3g}" for side in output.size)
+        text += f" ({lengths} mm at {output.dpi:g} dpi)"
+    text += "" if costs is None else f", {costs.bytes_text([output.file])}"
     if output.frame is not None:
         return f"{text}, frame {output.frame}"
     rate = "1 frame" if output.frames_per_second == 1 else f"{output.frames_per_second:g} frames"

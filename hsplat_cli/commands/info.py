@@ -362,7 +362,8 @@ def _channel(number: int, channel: Channel) -> str:
     color = channel.color and "#" + "".join(f"{round(255 * part):02x}" for part in channel.color)
     window = channel.window and _numbers(channel.window, " to ")
     hidden = "(not shown)" if channel.is_hidden else ""
-    return " ".join(filter(None, (f"{number}:", printable(channel.name), color, window, hidden)))
+    known = " ".join(filter(None, (printable(channel.name), color, window, hidden)))
+    return f"{number}: {known or 'no name, no color'}"
 
 
 def _suggestion_lines(suggestion: Suggestion, facts: _VolumeFacts) -> Iterator[str]:

@@ -178,6 +178,8 @@ def compose_scene(
             "smaller is more exact and slower, 0 draws every visible voxel",
         ),
         "",
+        f"# annotation: {{{_annotation(found)}}}  # remove the first # to draw it beside the object",
+        "",
         "output:",
         _with_comment(f"  file: {yaml_string(output)}", "relative to the current folder"),
         f"  size: [{film.size[0]}, {film.size[1]}]",
@@ -185,6 +187,16 @@ def compose_scene(
         f"  background: {yaml_string(film.background)}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _annotation(found: VolumeSuggestion) -> str:
+    """Return the entries of an annotation that suit what is shown, for a line that is a comment."""
+    if found.suggestion.transfer.labels is not None:
+        return "names: true"
+    if found.volume.has_colors:
+        return "scale_bar: true"
+    colors = "legend: {position: top-left}" if found.layers else "color_bar: true"
+    return f"{colors}, scale_bar: true"
 
 
 def _name(found: VolumeSuggestion) -> str:

@@ -1,4 +1,4 @@
-"""Look at a film before it is drawn, by a few exact rays, and say if it shows nothing, or only the volume's box.
+"""Look at a film before it is drawn, by a few exact rays: does it show nothing, a dark picture, or the volume's box?
 
 A user then does not spend minutes of drawing on such a film without a warning.
 """
@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.accuracy.darkness import Darkness, darkness_of
 from renderer.accuracy.truths import is_loop, spread_evenly
 from renderer.film import over_background
 from renderer.frame import FilmStage, Stage, StageMaker, prepare_stage, view_of
@@ -70,7 +71,7 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
     Frames that show next to nothing are a fault only if they are at least half of these frames: films fade in and out.
     """
     numbers = spread_evenly(frames, _MOST_FRAMES, is_loop=is_loop(stage.scene.at(0).camera.path))
-    seen, are_boxes = list[float](), list[list[bool]]()
+    seen, are_boxes, darkness = list[float](), list[list[bool]](), list[Darkness]()
     rays = SceneRays(stage, num_threads=num_threads) if isinstance(stage, Stage) else None
     for number in numbers:
         at = stage if isinstance(stage, Stage) else _stage_at(stage, number, num_threads)
@@ -78,9 +79,12 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
         places = pixel_centres(view.size)
         radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, places, _STEP_VOXELS)
         seen.append(_seen(at, view, radiance))
+        darkness.append(darkness_of(at, radiance))
         are_boxes.append([_is_box(layer, view, places, radiance[:, 3]) for layer in at.layers])
-    dark = [number for number, part in zip(numbers, seen, strict=True) if part < _LEAST_SEEN]
-    found = [_dark_glance(stage, dark, max(seen))] if 2 * len(dark) >= len(numbers) else []
+    empty = [number for number, part in zip(numbers, seen, strict=True) if part < _LEAST_SEEN]
+    found = [_empty_glance(stage, empty, max(seen))] if 2 * len(empty) >= len(numbers) else []
+    if not found and (note := max(darkness).note):
+        found = [Glance("dark", note)]
     boxes = np.all(are_boxes, axis=0).tolist()
     if stage.not_framed:
         part = f"{100 * stage.not_framed:.2g} %"
@@ -141,7 +145,7 @@ def _seen(stage: Stage, view: View, radiance: Float64) -> float:
     return float((np.maximum(differs, shown[..., 3]) if background is None else differs).mean())
 
 
-def _dark_glance(stage: FilmStage, numbers: Sequence[int], most: float) -> Glance:
+def _empty_glance(stage: FilmStage, numbers: Sequence[int], most: float) -> Glance:
     """Return the fault of frames that show too little.
 
     numbers: the numbers of these frames. most: the largest mean difference from the background, as a share of white, of

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -107,4 +108,10 @@ def _legend(layers: Sequence[Layer]) -> Iterator[tuple[str, tuple[float, float, 
         elif len(layers) > 1:
             most_opaque = layer.transfer.colors[int(np.argmax(layer.transfer.extinctions))]
             red, green, blue = layer.spec.color or most_opaque.tolist()
-            yield layer.spec.name or layer.volume.name, (red, green, blue)
+            yield layer.spec.name or _file_name(layer), (red, green, blue)
+
+
+def _file_name(layer: Layer) -> str:
+    """Return the name of a layer's file without its folder, and its component if the layer has one."""
+    name, component = Path(layer.volume.name).name, layer.spec.volume.component
+    return name if component is None else f"{name}, component {component}"

@@ -50,11 +50,14 @@ def _resolved(scene: Scene, read: ReadVolume) -> Scene:
         """Return a resolved mask. A mask that all layers share is resolved once."""
         return with_numbers(_mask_in_time(mask, scene.num_frames, read), place, read, problems)
 
-    layers = list[LayerSpec]()
+    layers, num_channels = list[LayerSpec](), 0
     for number, layer in enumerate(scene.layers):
         volume = _volume_in_time(layer.volume, scene.num_frames, read)
         mask = with_mask(layer.mask, scene.layer_key(number, "mask"))
-        for each in _channels(replace(layer, volume=volume, mask=mask), read):
+        num_before = num_channels if len(scene.layers) > 1 else None
+        made = _channels(replace(layer, volume=volume, mask=mask), read, num_before)
+        num_channels += len(made) * (layer.volume.component == "all")
+        for each in made:
             plain = with_values(each, scene.layer_key(number, "transfer_function"), read, problems)
             layers.append(with_labels(plain, scene.layer_key(number, "labels"), read, problems))
     shared = scene.shared
@@ -66,13 +69,13 @@ def _resolved(scene: Scene, read: ReadVolume) -> Scene:
     return replace(scene, layers=tuple(with_own_names(layers)), shared=shared)
 
 
-def _channels(layer: LayerSpec, read: ReadVolume) -> list[LayerSpec]:
+def _channels(layer: LayerSpec, read: ReadVolume, num_before: int | None) -> list[LayerSpec]:
     """Return a layer for each channel of a volume, if all are shown; otherwise the layer itself.
 
-    A layer whose voxels are colours gets a transfer function, if it has none.
+    num_before: as in `channel_layers`. A layer whose voxels are colours gets a transfer function, if it has none.
     """
     if layer.volume.component == "all":
-        return channel_layers(layer, read(replace(_first(layer.volume), component=0)), read)
+        return channel_layers(layer, read(replace(_first(layer.volume), component=0)), read, num_before=num_before)
     return [_with_colors(layer, read) if layer.has_open_colors else layer]
 
 

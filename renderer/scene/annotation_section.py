@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from renderer.errors import InputError
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
+from renderer.scene.layers_section import LayerSpec
 from renderer.scene.message_text import did_you_mean, join_some
 from renderer.scene.schema import INVALID, Color, KeyText, TreeNode
 from renderer.scene.volume_files import file_field
@@ -315,14 +316,17 @@ class AnnotationSpec:
 ANNOTATION_SECTION = schema.dataclass_field(AnnotationSpec)
 
 
-def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int, moving: Mapping[str, object]) -> None:
-    """Check that the scene has the volume that the color bar names, and the numbers that the line of time names.
+def check_annotation(
+    node: TreeNode, annotation: AnnotationSpec, layers: Sequence[LayerSpec], moving: Mapping[str, object]
+) -> None:
+    """Check that the scene has what the annotation names: labels, values, a volume, and numbers that move.
 
     node: the node of the annotation. moving: the scene's moving values at some frame, by their keys.
     """
+    _check_names(node, annotation, layers)
     bar, time = annotation.color_bar, annotation.time
-    if bar is not None and bar.layer is not None and bar.layer >= num_layers:
-        expected = f"a number from 0 to {num_layers - 1}"
+    if bar is not None and bar.layer is not None and bar.layer >= len(layers):
+        expected = f"a number from 0 to {len(layers) - 1}"
         node.child("color_bar").child("layer", bar.layer).reject("no such volume", expected=expected)
     if time is None:
         return
@@ -333,6 +337,21 @@ def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int
         if name not in known:
             hint = did_you_mean(name, known)
             place.reject("nothing of this name moves", got=f"{{{name}}}", expected=join_some(known), hint=hint)
+
+
+def _check_names(node: TreeNode, annotation: AnnotationSpec, layers: Sequence[LayerSpec]) -> None:
+    """Check that there are names for names and legends, and values for color bars."""
+    are_labels = [layer.transfer_function.labels is not None for layer in layers]
+    if annotation.names is not None and not any(are_labels):
+        hint = "`labels` in place of `transfer_function` draws the labels of a segmentation"
+        node.child("names").reject("no labels to name", got="", expected="a scene with labels", hint=hint)
+    may_have_legend = len(layers) > 1 or are_labels[0] or layers[0].volume.component == "all"
+    if annotation.legend is not None and not may_have_legend:
+        hint = "color_bar shows the colors of values"
+        node.child("legend").reject("nothing has a name", got="", expected="labels, or several volumes", hint=hint)
+    if annotation.color_bar is not None and all(are_labels):
+        hint = "legend or names shows the names of labels"
+        node.child("color_bar").reject("no values to show", got="", expected="a transfer function", hint=hint)
 
 
 def moving_numbers(moving: Mapping[str, object]) -> dict[str, float]:

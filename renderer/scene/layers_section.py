@@ -162,6 +162,9 @@ _OWN_TABLE: schema.FieldTable = {
 # The keys of an entry of the list that say how its values look.
 _LOOKS = ("transfer_function", "labels", "color")
 
+# The beginning of a hint where a volume lacks a color or its range of values.
+_CHANNEL_HINT = "`component: all` chooses"
+
 
 def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
     own = {key: given.pop(key) for key in _OWN_TABLE if key in given}
@@ -176,11 +179,12 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
         own["transfer_function"] = OPEN_LOOK
     elif not own.keys() & {"color", "range"}:
         expected = "transfer_function, labels, or color with range"
-        node.reject("no colors and opacities", got="", expected=expected)
+        node.reject("no colors and opacities", got="", expected=expected, hint=f"{_CHANNEL_HINT} a color and a range")
         own["transfer_function"] = INVALID
     else:
         for key in {"color", "range"} - own.keys():
-            hint = "`hsplat info` shows the values of a volume" if key == "range" else None
+            of_range = f"`hsplat info` shows the values of a volume; without `color`, {_CHANNEL_HINT} both"
+            hint = of_range if key == "range" else None
             _OWN_TABLE[key].reject(node.child(key), "missing", hint=hint)
         color, span = own.get("color", INVALID), own.get("range", INVALID)
         is_right = INVALID not in (color, span) and not (isinstance(span, tuple) and INVALID in span)

@@ -72,6 +72,10 @@ _PIXELS = schema.sequence_field(
 
 
 def _parse_size(node: TreeNode) -> Any:
+    if isinstance(node.value, list) and any(isinstance(side, str) and _LENGTH.fullmatch(side) for side in node.value):
+        width, *others = map(str, node.value)
+        height = "".join(f", height: {side}" for side in others[:1])
+        return node.reject("lengths in a list", hint=f"in print: {{width: {width}{height}, dpi: 300}}")
     if not isinstance(node.value, Mapping) or not any(str(key).isalpha() for key in node.value):
         return _PIXELS.parser(node)  # also of a map from frames, as a size cannot move
     given = schema.read_fields(node, _PAPER, required=["width"])

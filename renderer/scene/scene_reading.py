@@ -88,7 +88,7 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
         if node.film is not None and node.film.at is None:  # in a scene that is read at one frame, nothing moves
             section = node.child("annotation", tree.get("annotation"))
             moving = moving_values(film_scene(scene), 0) if scene.annotation.time is not None else {}
-            check_annotation(section, scene.annotation, len(scene.layers), moving)
+            check_annotation(section, scene.annotation, scene.layers, moving)
     return scene
 
 

@@ -45,15 +45,18 @@ _FULL_PERCENTILE = 93.0
 _MOST_WEIGHT = 50.0
 
 
-def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[LayerSpec]:
+def channel_layers(
+    layer: LayerSpec, first: Volume, read: ReadVolume, *, num_before: int | None = None
+) -> list[LayerSpec]:
     """Return a layer for each channel of a volume, without those that the file hides, if it shows any.
 
     A given transfer function applies to all of them.
 
     layer: a layer of a film, whose values may move. first: the voxels of the first channel, or of a volume without
-    channels. read: reads the voxels of another channel.
+    channels. read: reads the voxels of another channel. num_before: the number of channels of earlier volumes in the
+    list, which have the first colours; None for the only volume of a scene, of which a single channel is white.
     """
-    channels, made = first.channels or (Channel(color=(1.0, 1.0, 1.0)),), []
+    channels, made = first.channels or (Channel(color=(1.0, 1.0, 1.0) if num_before is None else None),), []
     if len(channels) > _MAX_CHANNELS:
         what, expected = "this volume has too many components to show all", f"at most {_MAX_CHANNELS}"
         raise InputError(what, where=first.name, got="component: all", expected=expected)
@@ -62,13 +65,14 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
         if channel.is_hidden and not are_all_hidden:
             continue
         spec = replace(layer.volume, component=number)
-        name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
+        number_text = str(number + 1) if layer.name and len(channels) > 1 else ""
+        name = " ".join(filter(None, (layer.name, channel.name or number_text)))
         own = replace(layer, volume=spec, name=name)
         if layer.transfer_function.is_open:
             every = steps_in_time(OverFrames(spec))
             steps = [every[k] for k in some_steps(len(every))]
             volumes = [first] if number == 0 and len(steps) == 1 else map(read, steps)
-            own = channel_with_look(own, number, channel, volumes)
+            own = channel_with_look(own, (num_before or 0) + number, channel, volumes)
         made.append(own)
     return list(with_own_names(made))
 
@@ -76,7 +80,7 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
 def channel_with_look(layer: LayerSpec, number: int, channel: Channel, steps: Iterable[Volume]) -> LayerSpec:
     """Return the layer of a channel with a colour, a range of values and, unless it has one, a weight.
 
-    number: the number of the channel among all channels. steps: the channel at some steps in time.
+    number: the number of the channel among all channels of the list. steps: the channel at some steps in time.
     """
     window, brightest = _common_window(steps)
     window = channel.window or window

@@ -18,11 +18,13 @@ from renderer.scene import Scene, parse_scene
 from renderer.suggest import PRESET_WORDS
 
 AIR, MATTER = 30, 200
-NOTHING, NEXT_TO_NOTHING, BOX = "nothing", "next to nothing", "its box"
+NOTHING, NEXT_TO_NOTHING, BOX, DARK = "nothing", "next to nothing", "its box", "dark"
+GRAY = {"colormap": "gray", "range": [0, 200]}
 # Opacities by value, and what is wrong with what they show of a ball in air.
 LOOKS: dict[str, tuple[list[list[float]], list[str]]] = {
     "the ball": ([[100, 0], [160, 0.9]], []),
     "a veil of the ball": ([[100, 0], [160, 0.02]], []),
+    "matter that is too thin": ([[100, 0], [160, 0.004]], [DARK]),
     "air": ([[0, 0.3], [255, 0.9]], [BOX]),
     "a fog": ([[0, 0.01], [255, 0.01]], [BOX]),
     "values that are not there": ([[240, 0], [255, 0.9]], [NOTHING]),
@@ -42,7 +44,7 @@ def scene_of(opacity: Any, file: str = "ball.npy", **sections: Any) -> dict[str,
     return {
         "version": 1,
         "volume": {"file": file},
-        "transfer_function": {"colormap": "gray", "range": [0, 200], "opacity": opacity},
+        "transfer_function": GRAY | {"opacity": opacity},
         "camera": {"path": {"type": "turntable", "frames": 6}},
         "output": {"file": "film.mp4", "size": [64, 64]},
     } | sections
@@ -89,8 +91,26 @@ def test_a_ball_of_any_background_and_mode() -> None:
     assert seen(parse_scene(scene_of(opaque, mode={"type": "maximum"}), base=Path())) == []
 
 
-def test_frames_that_are_dark_are_told_where_they_are_many() -> None:
-    """A film may fade in; one that is dark for most of its time is told."""
+@pytest.mark.parametrize(
+    ("sections", "reason"),
+    [
+        ({"shading": {"ambient": 0.05, "light": [0, 1, 0]}}, "a larger shading.ambient, or shading.light: camera,"),
+        ({"transfer_function": GRAY | {"opacity": [[100, 0], [160, 0.9]], "range": [0, 5000]}}, "colors of"),
+        ({"transfer_function": GRAY | {"opacity": [[100, 0], [160, 0.003]]}}, "transfer_function.unit"),
+        ({"output": {"file": "film.mp4", "size": [64, 64], "background": "white"}}, ""),
+        ({}, ""),
+    ],
+)
+def test_a_dark_picture_says_why(sections: Any, reason: str) -> None:
+    camera = {"path": {"type": "turntable", "frames": 1, "elevation": 20}}
+    scene = parse_scene(scene_of([[100, 0], [160, 0.9]], camera=camera) | sections, base=Path())
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+        notes = [each.note for each in look_ahead(stage, [0], num_threads=1) if each.word == DARK]
+    assert len(notes) == bool(reason) and all(reason in note for note in notes)
+
+
+def test_frames_that_show_nothing_are_told_where_they_are_many() -> None:
+    """A film may fade in; one that shows nothing for most of its time is told."""
 
     def fading(opacity: Any) -> Scene:
         """Return a film whose ball has opacities by the frame."""

@@ -23,12 +23,14 @@ from renderer.annotation import (
     FrameFacts,
     annotation_problems,
     draw_annotation,
+    film_facts,
     find_ticks,
     length_text,
     plain_text,
 )
 from renderer.errors import SceneError
 from renderer.film import bytes_digest
+from renderer.frame import Stage, prepare_stage
 from renderer.scene import (
     AnnotationSpec,
     ColorBarSpec,
@@ -192,7 +194,6 @@ def test_what_cannot_be_drawn_is_told(tmp_path: Path) -> None:
     cases: list[tuple[dict[str, Any], str, str]] = [
         ({"title": "W" * 60}, "title", no_room),
         ({"title": {"text": "W" * 200, "size": 0.5}}, "title", no_room),
-        ({"legend": {"size": 0.3}}, "legend", no_room),
         ({"scale_bar": right, "color_bar": {"length": 0.6}}, "color_bar scale_bar", no_room),
         ({"title": wide, "time": "after {frame} frames of all of it"}, "time", "covers annotation.title"),
         ({"title": "a 中 \U00012345"}, "title", "the font lacks characters"),
@@ -205,7 +206,10 @@ def test_what_cannot_be_drawn_is_told(tmp_path: Path) -> None:
         problems = annotation_problems(annotation(**keys), FACTS, [FRAME])
         expected = [(f"annotation.{path}", what) for path in paths.split()]
         assert [(problem.path, problem.what) for problem in problems] == expected, keys
-    nothing = annotation_problems(annotation(legend=True, color_bar=True), replace(FACTS, bars=(), legend=()), [FRAME])
+    large = replace(annotation(), legend=EntrySpec(position="left", size=0.3))
+    assert [problem.what for problem in annotation_problems(large, FACTS, [FRAME])] == [no_room]
+    spec = replace(annotation(color_bar=True), legend=EntrySpec(position="left"))
+    nothing = annotation_problems(spec, replace(FACTS, bars=(), legend=()), [FRAME])
     assert [problem.path for problem in nothing] == ["annotation.legend", "annotation.color_bar"]
     assert not annotation_problems(ALL, replace(FACTS, size=(1280, 720)), [FRAME])
 
@@ -261,3 +265,30 @@ def test_entries_have_the_color_and_size_of_the_annotation_or_their_own() -> Non
         ).patches(FRAME)
         assert (patch.rgba == (level, level, level, 1.0)).all(axis=2).any()
         assert not (patch.rgba == (1 - level, 1 - level, 1 - level, 1.0)).all(axis=2).any()
+
+
+def test_a_legend_names_volumes_without_names_by_file_and_component(tmp_path: Path) -> None:
+    values = np.random.default_rng(1).integers(0, 255, (2, 9, 9, 9), np.uint8)
+    np.save(tmp_path / "cells.npy", values)
+    np.save(tmp_path / "tissue.npy", values[0])
+    look = {"color": "lime", "range": [10, 200]}
+    volumes = [{"file": "cells.npy", "component": k} | look for k in range(2)]
+    volumes += [{"file": "tissue.npy"} | look, {"file": "tissue.npy", "name": "Tissue"} | look]
+    tree = {"volumes": volumes, "camera": {"path": {"type": "turntable", "frames": 1}}}
+    scene = parse_scene(tree | {"output": {"file": "a.png"}}, base=tmp_path)
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+        assert isinstance(stage, Stage)
+        facts = film_facts(stage.scene, stage.layers, stage.scene.output.kind)
+    names = ["cells.npy, component 0", "cells.npy, component 1", "tissue.npy", "Tissue"]
+    assert [name for name, _ in facts.legend] == names
+
+
+def test_a_scene_of_labels_has_no_color_bar_and_channels_may_have_a_legend() -> None:
+    rest = {"camera": {"path": {"type": "turntable", "frames": 1}}, "output": {"file": "a.png"}}
+    volume = {"procedural": {"name": "atlas", "shape": [8, 8, 8]}}
+    labels = {"volume": volume, "labels": {}, "annotation": {"names": True, "legend": True, "color_bar": True}}
+    with pytest.raises(SceneError) as caught:
+        parse_scene(labels | rest, base=Path())
+    assert [problem.path for problem in caught.value.problems] == ["annotation.color_bar"]
+    channels = {"volume": {"file": __file__, "component": "all"}, "annotation": {"legend": True}}
+    assert parse_scene(channels | rest, base=Path()).at(0).annotation.legend is not None

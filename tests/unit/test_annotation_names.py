@@ -91,7 +91,7 @@ def test_names_without_room_or_side_or_labels_are_told() -> None:
     frame = frame_facts(stage.scene, stage.layers, view_of(stage, 0), 0, stage.scene.output.kind)
     for keys, names_shown, what in (
         ({"names": {"size": 0.2}}, names, "do not fit beside the object"),
-        ({"names": True, "legend": True, "color_bar": {"position": "right"}}, [], "have no side of the picture"),
+        ({"names": True, "legend": True, "scale_bar": {"position": "right"}}, [], "have no side of the picture"),
         ({"names": True}, [], "nothing has a name"),
         ({"names": True, "accuracy": {"position": "bottom-left", "size": 0.3}}, names, "cover annotation.accuracy"),
         ({"names": True}, names, None),

@@ -15,7 +15,8 @@ from hsplat_cli import main
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError, SceneError
 from renderer.readers import read_volume
-from renderer.scene import FileSource, VolumeSpec
+from renderer.resolve import resolve_scene
+from renderer.scene import FileSource, VolumeSpec, parse_scene
 from renderer.suggest import suggest_weight
 from renderer.volume import make_volume
 
@@ -155,3 +156,17 @@ def test_the_brightest_rays_are_about_full() -> None:
     values = values.copy()
     values[:, :, 20:] = 50
     assert suggest_weight(make_volume(values, 3 * np.eye(4), "test"), (50.0, 250.0)) == 0.12
+
+
+def test_files_of_one_channel_have_colors_of_their_own_in_a_list(tmp_path: Path) -> None:
+    for name in ("nuclei", "membranes"):
+        np.save(tmp_path / f"{name}.npy", PLANES[:3])
+    volumes = [
+        {"file": "nuclei.npy", "name": "nuclei", "component": "all"},
+        {"file": "membranes.npy", "component": "all"},
+    ]
+    path = scene_file(tmp_path / "nuclei.npy", volumes=volumes)
+    tree = {key: value for key, value in yaml.safe_load(path.read_text()).items() if key != "volume"}
+    scene = resolve_scene(parse_scene(tree, base=tmp_path), read_volume)
+    found = [(layer.name, layer.color) for layer in scene.at(0).layers]
+    assert found == [("nuclei", (0.0, 1.0, 0.0)), ("", (1.0, 0.0, 1.0))]

@@ -74,6 +74,7 @@ def test_wrong_printed_sizes_are_told() -> None:
         ({"size": {"width": "2 in", "dpi": 300}, "dpi": 150}, "output.size.dpi", "contradicts output.dpi"),
         ({"size": {"width": "900 in", "dpi": 300}}, "output.size", "out of range"),
         ({"size": {"width": "0.001 in", "dpi": 300}}, "output.size", "out of range"),
+        ({"size": ["85 mm", "60 mm"]}, "output.size", "lengths in a list"),
         ({"dpi": "high"}, "output.dpi", "not a number"),
     ):
         with pytest.raises(SceneError) as caught:

@@ -192,12 +192,13 @@ SECTIONS = {
                     FlightPath(
                         3, (FlightKey(SPACING, AXIS, 12.5, 0), FlightKey(AXIS, SPACING, frame=2)), "smooth", AXIS))),
             target="visible", follow=True, loop="ping-pong"),
-        annotation=ANNOTATION,
+        annotation=replace(ANNOTATION, legend=None, names=None),
         output=OutputSpec(
             Path("a.mp4"), background=moving(Motion((0, 13), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "in")))),
     "labels in a list": replace(
         PLAIN, layers=(LayerSpec(LAYERS[1].volume, TransferSpec(LabelsSpec("table", 0.5))), LAYERS[0]),
-        shared=SharedKeys()),
+        shared=SharedKeys(), camera=CameraSpec(TurntablePath(12)),
+        annotation=replace(ANNOTATION, time=TimeSpec(**BLUE, format="{frame:04d}"))),
     "steps": PLAIN.with_layers(
         volume=VolumeSpec(FileSource(HERE, SPACING, (HERE, HERE)), "auto"),
         mask=MaskSpec(VolumeSpec(FileSource(HERE, steps=(HERE,)), 0))),

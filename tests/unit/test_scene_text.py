@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from renderer.scene import (
     FileSource,
     LabelKey,
     LabelsSpec,
+    LayerSpec,
     RawSource,
     Scene,
     ShadingSpec,
@@ -24,6 +26,7 @@ from renderer.scene import (
     format_value,
     load_scene,
     parse_yaml,
+    ramp,
 )
 from renderer.suggest import FilmOptions, Suggestion, VolumeSuggestion
 from renderer.system import printable
@@ -126,3 +129,23 @@ def test_any_number_reads_back(value: float) -> None:
 def test_any_text_reads_back(text: str) -> None:
     assert parse_yaml(f"a: {yaml_string(text)}").data == {"a": text}
     assert parse_yaml(f"a: 1 # {printable(text)}").data == {"a": 1}
+
+
+def test_the_annotation_that_is_offered_is_one_that_the_scene_can_have(folder: Path) -> None:
+    Path("scan.npy").touch()
+    red, volume = (1.0, 0.0, 0.0), VolumeSpec(FileSource(Path("scan.npy")))
+    labels = LabelsSpec(((3, red),), 1.0, (3,))
+    of_labels = Suggestion("labels", "a reason", TransferSpec(labels, 0.5), (), ShadingSpec())
+    channel = LayerSpec(volume, ramp(red, (10.0, 20.0)), color=red, range=(10.0, 20.0))
+    colors = replace(volume, component="color_alpha")
+    for found, entries in (
+        (VolumeSuggestion(volume, SUGGESTION, has_absent=False), {"color_bar", "scale_bar"}),
+        (VolumeSuggestion(volume, SUGGESTION, has_absent=False, layers=(channel,) * 2), {"legend", "scale_bar"}),
+        (VolumeSuggestion(volume, of_labels, has_absent=False), {"names"}),
+        (VolumeSuggestion(colors, replace(SUGGESTION, shading=None), has_absent=False), {"scale_bar"}),
+    ):
+        text, scene = read_back(found, folder)
+        assert not scene.annotation.shows_anything
+        Path("scene.yaml").write_text(text.replace("# annotation: {", "annotation: {"))
+        annotation = load_scene(folder / "scene.yaml").annotation
+        assert {*annotation.entries, *["names"] * (annotation.names is not None)} == entries
