@@ -184,6 +184,7 @@ def test_from_a_change_to_accepted_goldens(repository: Repository, tmp_path: Pat
     assert job.code == 0 and "### 3 films: 3 pass" in job.summary
 
 
+@pytest.mark.slow
 def test_words_of_inputs_are_words_of_a_shell_and_no_code(repository: Repository, tmp_path: Path) -> None:
     Path("scenes/bone.yaml").rename("scenes/a bone.yaml")
     Path("scenes/goldens/bone").rename("scenes/goldens/a bone")

@@ -235,6 +235,7 @@ def test_pictures_of_a_report_are_accepted(scenes: Path) -> None:
     assert "goldens: scenes/engine: 2 frames accepted" in printed
 
 
+@pytest.mark.slow
 def test_a_path_outside_of_the_folder_needs_an_equals_sign(scenes: Path) -> None:
     """pytest takes it for a path of tests otherwise, and looks for pytest.ini there."""
     edit_scene()
@@ -255,6 +256,7 @@ def test_a_path_outside_of_the_folder_needs_an_equals_sign(scenes: Path) -> None
         assert outcomes(printed).keys() == {"test_golden[scenes/box]", "test_golden[scenes/engine]"}
 
 
+@pytest.mark.slow
 def test_why_nothing_is_accepted(scenes: Path) -> None:
     edit_scene()
     assert run_pytest(scenes, "--golden-report", "out")[0] == 1

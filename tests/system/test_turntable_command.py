@@ -336,6 +336,7 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
     assert found - {"index.html", "posters/uint8.jpg"} == names
 
 
+@pytest.mark.slow
 def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     """The processes of two films and their encoders end."""
     mark = new_mark()

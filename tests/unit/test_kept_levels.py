@@ -168,6 +168,7 @@ def _kill_at(chunk: str, num: int, server: ServedFolder, cache: Path, *in_blocks
     return left
 
 
+@pytest.mark.slow
 def test_a_killed_process_loses_no_piece(large: ServedFolder, tmp_path: Path) -> None:
     left = _kill_at("2/1/1", 2, large, tmp_path)
     with _reading(large, tmp_path) as process:

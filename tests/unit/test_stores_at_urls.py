@@ -138,6 +138,7 @@ def test_a_server_that_stalls_is_asked_again(tmp_path: Path) -> None:
         assert server.asked.count(f"/a.ome.zarr/{name}") == 2
 
 
+@pytest.mark.slow
 def test_a_server_that_stalls_for_good_is_an_error(tmp_path: Path) -> None:
     for name, server, shown in _read_soon(tmp_path, 9):
         assert shown.startswith(f"{server.url}/a.ome.zarr") and "retry attempts failed" in shown
@@ -145,6 +146,7 @@ def test_a_server_that_stalls_for_good_is_an_error(tmp_path: Path) -> None:
         assert server.asked.count(f"/a.ome.zarr/{name}") == 2
 
 
+@pytest.mark.slow
 def test_no_request_takes_longer_than_its_limit(tmp_path: Path) -> None:
     """Also where the limit of a server that stalls does not hold, as of one that sends a byte now and then."""
     for _, server, shown in _read_soon(tmp_path, 9, stalled=600, whole=1):
