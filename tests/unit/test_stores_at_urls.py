@@ -55,6 +55,7 @@ def test_only_the_chunks_of_a_crop_are_asked_for(server: ServedFolder) -> None:
     assert [path for path in server.asked if path[-1].isdigit()] == ["/a.ome.zarr/0/1.1.1"]
 
 
+@pytest.mark.usefixtures("one_process")
 def test_formats_over_http(tmp_path: Path, server: ServedFolder) -> None:
     zipped_store(tmp_path / "a.ome.zarr", tmp_path / "a.ozx")
     write_n5(tmp_path / "a.n5", LEVELS, [{"downsamplingFactors": [1, 1, 1]}, {"downsamplingFactors": [2, 2, 1]}])
