@@ -133,6 +133,7 @@ def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Repository:
     return found
 
 
+@pytest.mark.slow
 def test_from_a_change_to_accepted_goldens(repository: Repository, tmp_path: Path) -> None:
     before, artifact = repository.goldens(), tmp_path / "artifact.zip"
     job = repository.run_job("push", artifact, scenes="scenes")
