@@ -38,6 +38,9 @@ _TO_PALETTE = (
 _TO_PLANES = "[0:v]split[all][same];[all]{0}[colors];[same]alphaextract,format=gray,setparams=range=full:{1}[alpha]"
 # The parameters of ffmpeg's filter `setparams` that name the colour space of the grey film of alpha in an AVIF.
 _GREY_COLORS = "color_primaries=bt709:color_trc=bt709:colorspace=bt709"
+# The pixel formats of encoders that this process has asked for, by the path of ffmpeg and the name of the encoder. To
+# ask takes 15 ms of processor time, as much as to encode a film of a few small pictures.
+_PIXEL_FORMATS = dict[tuple[str, str], list[str]]()
 # The shortest delay of a GIF's frame, in hundredths of a second. Browsers show a frame with a shorter delay for 10.
 _SHORTEST_GIF_DELAY_CS = 2
 # The longest delay of a GIF's frame, in hundredths of a second: the largest number of 16 bits.
@@ -135,16 +138,23 @@ def require_codec(output: OutputFile) -> None:
     encoder, wanted = output.chosen_codec.encoder, output.chosen_pixel_format
     if output.format.has_alpha_plane:
         wanted = wanted.replace("yuva", "yuv")
-    asked = start_ffmpeg(
-        ["-hide_banner", "-h", f"encoder={encoder}"], output.file, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
-    )
-    with asked:
-        found = re.search(rb"Supported pixel formats: (.*)", asked.communicate()[0])
-    known = found[1].decode(errors="replace").split() if found else []
-    if not {wanted, f"{wanted}le"}.intersection(known):
+    key = (_find_ffmpeg(output.file), encoder)
+    if not _PIXEL_FORMATS.get(key):
+        _PIXEL_FORMATS[key] = _pixel_formats(encoder, output.file)
+    if not {wanted, f"{wanted}le"}.intersection(_PIXEL_FORMATS[key]):
         what, got = "this ffmpeg cannot encode the film", f"no {encoder} of {wanted}"
         hint = "leave codec out, or install imageio-ffmpeg from a wheel, which contains another ffmpeg"
         raise RenderError(what, where=str(output.file), got=got, hint=hint)
+
+
+def _pixel_formats(encoder: str, file: Path) -> list[str]:
+    """Return the pixel formats that an encoder of ffmpeg takes. file: the name of the film, for messages."""
+    asked = start_ffmpeg(
+        ["-hide_banner", "-h", f"encoder={encoder}"], file, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+    )
+    with asked:
+        found = re.search(rb"Supported pixel formats: (.*)", asked.communicate()[0])
+    return found[1].decode(errors="replace").split() if found else []
 
 
 class Ffmpeg(NamedTuple):

@@ -149,7 +149,7 @@ class OutputWriter:
         losses = {} if accuracy is None else {each.file: self._loss(each) for each in films}
         if accuracy is not None and self.spec.file in losses:
             pictures, loss = self.first_pictures[self.spec.file], losses[self.spec.file]
-            finer = try_finer_encoding(self.spec, pictures, loss, accuracy)
+            finer = try_finer_encoding(self.spec, pictures, len(self.frames), loss, accuracy)
             accuracy = with_encoding_loss(accuracy, loss, len(pictures), finer)
         outputs = tuple(
             OutputRecord(

@@ -32,14 +32,14 @@ def film_bytes(film: OutputFile) -> int:
 
 
 def try_finer_encoding(
-    output: OutputFile, pictures: Sequence[Picture], loss: float, accuracy: FilmAccuracy
+    output: OutputFile, pictures: Sequence[Picture], num_frames: int, loss: float, accuracy: FilmAccuracy
 ) -> FinerFile | None:
     """Return the record of an encoding that loses less than that of the film.
 
     None if drawing loses more than the encoder, or if no setting of the encoder loses less.
 
-    pictures: the first pictures of the film, which are encoded in both ways. loss: the mean squared error that the
-    film's encoding adds to them.
+    pictures: the first pictures of the film, which are encoded in both ways. num_frames: the number of frames of the
+    film, which is there. loss: the mean squared error that the film's encoding adds to the pictures.
     """
     if loss <= squared_error(accuracy.psnr):
         return None
@@ -50,8 +50,11 @@ def try_finer_encoding(
     # If the trial fails, because the disk is full or ffmpeg lacks the pixel format, the film is made all the same.
     with contextlib.suppress(HsplatError, OSError):
         finer = replace(output, **keys)
-        with trial_film(output, pictures) as film:
-            num_bytes = film_bytes(film)
+        if len(pictures) == num_frames:  # the film itself has these pictures and no others
+            num_bytes = output.file.stat().st_size
+        else:
+            with trial_film(output, pictures) as film:
+                num_bytes = film_bytes(film)
         with trial_film(finer, pictures) as film:
             finer_loss = encoding_loss(film, len(frames), frames)
             return finer_file(accuracy, keys, (loss, finer_loss), film_bytes(film) / num_bytes)

@@ -444,6 +444,7 @@ def test_an_interrupt_tells_which_films_are_accepted(
     assert accepted() == {"box": [0, 1, 2, 3], "engine": []}
 
 
+@pytest.mark.slow
 def test_a_kill_at_any_operation_leaves_whole_goldens(compared: Path) -> None:
     """Of each scene, the old or the new ones; accepting again ends the work."""
     old = {name: GOLDEN_RECORD.read(compared / f"scenes/goldens/{name}/golden.json") for name in ("box", "engine")}

@@ -267,6 +267,7 @@ def test_an_array_of_which_nothing_is_masked() -> None:
     assert renderer.render_frame(hidden).shape == (512, 512, 3)
 
 
+@pytest.mark.slow
 def test_a_fork_after_opengl_was_used_is_an_error_and_does_not_hang() -> None:
     write_scene("gaussian")
     code = """

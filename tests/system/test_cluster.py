@@ -110,6 +110,7 @@ def test_nothing_is_left(client: Client, stage: Stage, expected: list[bytes]) ->
     assert set(client.run(lambda: os.environ["LP_NUM_THREADS"]).values()) == {num_threads}
 
 
+@pytest.mark.slow
 def test_frames_of_workers_that_die_are_drawn_again(client: Client, stage: Stage, expected: list[bytes]) -> None:
     """First one dies, later all: then the stage is sent again."""
 

@@ -76,6 +76,7 @@ def test_other_commands_with_urls(server: ServedFolder, capsys: pytest.CaptureFi
     assert f"{server.url}/nothing" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_look_that_matches_a_url(server: ServedFolder) -> None:
     url, other = (f"{server.url}/{name}/scan.ome.zarr" for name in "ab")
     assert main.run(["turntable", "-o", "first", *SMALL, url]) == 0

@@ -84,6 +84,7 @@ def test_between_steps() -> None:
     assert pictures[1] == still(1, told("mixed")["camera"], "volume={file: between.npy}")
 
 
+@pytest.mark.slow
 def test_however_it_is_made(scheduler: str) -> None:
     expected = film("film")
     assert film("cluster", arguments=("--scheduler", scheduler)) == expected

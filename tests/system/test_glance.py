@@ -132,7 +132,7 @@ def test_it_does_not_depend_on_threads() -> None:
     assert one == three and one
 
 
-@pytest.mark.parametrize("name", ["a fog", "opacities that change few pixels"])
+@pytest.mark.parametrize("name", [pytest.param("a fog", marks=pytest.mark.slow), "opacities that change few pixels"])
 def test_commands_tell_it(name: str) -> None:
     opacity, (word,) = LOOKS[name]
     Path("scene.yaml").write_text(yaml.safe_dump(scene_of(opacity, error={"probes": 16})))
@@ -144,6 +144,7 @@ def test_commands_tell_it(name: str) -> None:
     assert any(sentence in each for each in json.loads(Path("film.mp4.json").read_text())["notes"])
 
 
+@pytest.mark.slow
 def test_turntable_tells_it() -> None:
     opacity, (word,) = LOOKS["opacities that change few pixels"]
     Path("look.yaml").write_text(yaml.safe_dump(scene_of(opacity, error={"probes": 16})))

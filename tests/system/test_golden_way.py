@@ -133,6 +133,7 @@ def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Repository:
     return found
 
 
+@pytest.mark.slow
 def test_from_a_change_to_accepted_goldens(repository: Repository, tmp_path: Path) -> None:
     before, artifact = repository.goldens(), tmp_path / "artifact.zip"
     job = repository.run_job("push", artifact, scenes="scenes")
@@ -184,6 +185,7 @@ def test_from_a_change_to_accepted_goldens(repository: Repository, tmp_path: Pat
     assert job.code == 0 and "### 3 films: 3 pass" in job.summary
 
 
+@pytest.mark.slow
 def test_words_of_inputs_are_words_of_a_shell_and_no_code(repository: Repository, tmp_path: Path) -> None:
     Path("scenes/bone.yaml").rename("scenes/a bone.yaml")
     Path("scenes/goldens/bone").rename("scenes/goldens/a bone")

@@ -86,7 +86,7 @@ print(num_killed)
     "outputs",
     [
         ["film.mp4"],
-        ["{frame}.png"],
+        pytest.param(["{frame}.png"], marks=pytest.mark.slow),
         pytest.param(["film.mp4", "film.gif", "{frame}.png", "far/still.png"], marks=pytest.mark.slow),
         pytest.param(["{frame}.png", "film.webm", "far/small-{frame}.png"], marks=pytest.mark.slow),
     ],
@@ -127,7 +127,7 @@ def scene_with(*outputs: str) -> str:
     return yaml.safe_dump(small_tree(frames=2, output=files))
 
 
-@pytest.mark.parametrize("place", ["out/common.png", "link/common.png"])
+@pytest.mark.parametrize("place", [pytest.param("out/common.png", marks=pytest.mark.slow), "link/common.png"])
 def test_films_with_a_further_output_in_common(place: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The second one is refused while the first is made, and has not written anything."""
     Path("out").mkdir()

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from commands import python
 from small_scene import small_scene
 
@@ -60,6 +61,7 @@ with BrickRasterizer(memory=MemoryShare(int(sys.argv[2]))) as rasterizer:
 """
 
 
+@pytest.mark.slow
 def test_memory_while_a_large_volume_is_drawn(tmp_path: Path) -> None:
     """Everything in it is visible, so that a pyramid of all levels would take 1.6 bytes a voxel beside the voxels."""
     n = 448

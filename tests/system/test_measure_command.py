@@ -49,6 +49,7 @@ def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
     assert data["machine"]["cores"] >= 1 and data["machine"]["device"] and data["machine"]["versions"]["numpy"]
 
 
+@pytest.mark.slow
 def test_bricks_are_measured_beside_splats() -> None:
     """They are measured once, as they have no correction, at tolerances of their own, from coarse to exact."""
     measure(*FEW, "--measures", "optical")

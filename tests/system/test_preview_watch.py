@@ -151,8 +151,8 @@ def test_a_client_that_leaves_is_no_news(capfd: pytest.CaptureFixture[str]) -> N
     ("option", "number", "status"),
     [
         ("--serve", signal.SIGTERM, 143),
-        ("--serve", signal.SIGINT, 0),
-        ("--watch", signal.SIGHUP, 129),
+        pytest.param("--serve", signal.SIGINT, 0, marks=pytest.mark.slow),
+        pytest.param("--watch", signal.SIGHUP, 129, marks=pytest.mark.slow),
         ("--watch", signal.SIGINT, 0),
     ],
 )

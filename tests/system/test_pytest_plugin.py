@@ -173,6 +173,7 @@ def test_each_scene_is_a_test_of_its_own(scenes: Path) -> None:
     assert f"report: {page}" in printed and page.is_file()
 
 
+@pytest.mark.slow
 def test_long_names_of_tests_have_reports_of_their_own(pictures: Path) -> None:
     (pictures / "test_names.py").write_text(
         "import pytest\n"
@@ -185,6 +186,7 @@ def test_long_names_of_tests_have_reports_of_their_own(pictures: Path) -> None:
     assert len(list((pictures / "out").rglob("report.json"))) == 2
 
 
+@pytest.mark.slow
 def test_a_golden_yaml_is_needed_and_may_be_named(scenes: Path) -> None:
     Path("golden.yaml").rename("scenes/golden.yaml")
     Path("scenes/golden.yaml").write_text("goldens: ../all/scenes\n", "utf-8")
@@ -235,6 +237,7 @@ def test_pictures_of_a_report_are_accepted(scenes: Path) -> None:
     assert "goldens: scenes/engine: 2 frames accepted" in printed
 
 
+@pytest.mark.slow
 def test_a_path_outside_of_the_folder_needs_an_equals_sign(scenes: Path) -> None:
     """pytest takes it for a path of tests otherwise, and looks for pytest.ini there."""
     edit_scene()
@@ -255,6 +258,7 @@ def test_a_path_outside_of_the_folder_needs_an_equals_sign(scenes: Path) -> None
         assert outcomes(printed).keys() == {"test_golden[scenes/box]", "test_golden[scenes/engine]"}
 
 
+@pytest.mark.slow
 def test_why_nothing_is_accepted(scenes: Path) -> None:
     edit_scene()
     assert run_pytest(scenes, "--golden-report", "out")[0] == 1

@@ -55,7 +55,9 @@ def accuracies(metric: str, scene: Scene, truths: Sequence[Float64], rasterizer:
     return [compute_metric(metric, picture, truth) for picture, truth in zip(pictures, truths, strict=True)]
 
 
-@pytest.mark.parametrize(("metric", "change", "wanted"), [("psnr", (), 27.0), ("rmse", RMSE, 0.045)])
+@pytest.mark.parametrize(
+    ("metric", "change", "wanted"), [("psnr", (), 27.0), pytest.param("rmse", RMSE, 0.045, marks=pytest.mark.slow)]
+)
 def test_the_whole_film_has_the_accuracy(
     metric: str, change: tuple[str, ...], wanted: float, rasterizer_for, truths: list[Float64]
 ) -> None:
@@ -197,6 +199,7 @@ def test_an_infinite_psnr_is_left_out_of_the_sidecar() -> None:
     assert sidecar()["schedule"]["met"]
 
 
+@pytest.mark.slow
 def test_packages_of_measure_are_not_needed(folder: Path) -> None:
     block = f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))"
     run = "from hsplat_cli.main import run; sys.exit(run(['render', 'scene.yaml', '--frames', '0', *sys.argv[1:]]))"

@@ -60,6 +60,7 @@ def test_a_killed_job_resumes(scheduler: str, film_of_one_process: bytes) -> Non
         Path("film.mp4").unlink()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupt(scheduler: str, film_of_one_process: bytes) -> None:
     with rendering(scheduler) as job:

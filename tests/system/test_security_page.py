@@ -64,6 +64,7 @@ def is_open(port: int) -> bool:
         return client.connect_ex(("127.0.0.1", port)) == 0
 
 
+@pytest.mark.slow
 def test_the_example(tmp_path: Path, port: int) -> None:
     (tmp_path / "scene.yaml").write_text(small_scene(), "utf-8")
     with shell(MAKE_CERTIFICATE, tmp_path) as process:

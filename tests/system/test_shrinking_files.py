@@ -52,7 +52,7 @@ def folder(tmp_path: Path) -> Path:
         ("integrated", "fingerprint._read"),
         ("integrated", "building.work"),
         ("integrated", "brick_cache.placed"),
-        ("gaussian", "cut._join_leaves"),
+        pytest.param("gaussian", "cut._join_leaves", marks=pytest.mark.slow),
     ],
 )
 def test_between_a_look_and_the_reading(footprint: str, caller: str, folder: Path) -> None:

@@ -78,6 +78,7 @@ def test_init_and_info_suggest_the_same(capsys: pytest.CaptureFixture[str]) -> N
         assert json.loads(json.dumps(written[section])) == told[section]
 
 
+@pytest.mark.slow
 def test_a_film_that_another_command_makes_is_left_alone(capfd: pytest.CaptureFixture[str]) -> None:
     """Its scene and its record stay, too."""
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
@@ -188,6 +189,7 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     assert needs() == volumes
 
 
+@pytest.mark.slow
 def test_odd_names() -> None:
     names = ["-dash and two\nlines.npy", os.fsdecode(b"a b'c\"d: {frame}\xff.npy")]
     for name in names:
@@ -336,6 +338,7 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
     assert found - {"index.html", "posters/uint8.jpg"} == names
 
 
+@pytest.mark.slow
 def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     """The processes of two films and their encoders end."""
     mark = new_mark()

@@ -163,7 +163,7 @@ def test_pictures_that_were_swapped(capsys: pytest.CaptureFixture[str]) -> None:
     assert problems(FRAMES, capsys) == [f"frame {k} is far less exact than others" for k in (2, 6)]
 
 
-@pytest.mark.parametrize("film", ["film.mp4", "film.gif", FRAMES])
+@pytest.mark.parametrize("film", ["film.mp4", "film.gif", pytest.param(FRAMES, marks=pytest.mark.slow)])
 def test_a_film_of_another_scene(film: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Its sidecar says another scene than that of its fingerprint; without a fingerprint, rays tell."""
     path = FILMS.get(film, film)

@@ -123,6 +123,7 @@ def test_pictures_are_near_the_truth_in_every_projection_and_shape() -> None:
     assert all(measurement.accuracies[-1].everywhere["max_error"] < 1e-12 for measurement in measurements)
 
 
+@pytest.mark.slow
 def test_coarse_settings_are_worse() -> None:
     volume = with_transparent_border(engine(), transfer())
     view = look(volume)
@@ -175,6 +176,7 @@ def test_pictures_are_near_the_truth_for_every_kind_of_voxel(dtype: str, low: fl
     require_near(measured(volume, transfer(low, high), look(volume)))
 
 
+@pytest.mark.slow
 def test_tables_resolve_a_narrow_window_and_a_step() -> None:
     """VTK looks values up in tables, wide enough for a window of 1 % of them: 8 bits would leave it 3 entries.
 

@@ -44,6 +44,7 @@ def codes_without_opengl(*commands: str) -> tuple[list[int], str]:
     return json.loads(done.stdout.splitlines()[-1]), done.stderr
 
 
+@pytest.mark.slow
 def test_other_commands_without_opengl() -> None:
     codes, said = codes_without_opengl(
         "golden scene.yaml",

@@ -48,7 +48,7 @@ def test_a_system_without_what_linux_and_macos_have_is_named(hidden: str) -> Non
 
 
 # Between these limits OpenBLAS may end the process by itself, with its own words.
-@pytest.mark.parametrize("limit_kib", [200_000, 500_000])
+@pytest.mark.parametrize("limit_kib", [200_000, pytest.param(500_000, marks=pytest.mark.slow)])
 def test_a_limit_of_address_space_is_named(limit_kib: int, tmp_path: Path) -> None:
     """Where a run meets it first depends on threads: as it reads the volume, in the encoder, or anywhere."""
     command = f"ulimit -v {limit_kib}; exec {sys.executable} -m hsplat_cli render {DEMO} --output {tmp_path}/demo.mp4"

@@ -30,6 +30,7 @@ def write(folder: Path, name: str) -> tuple[Path, Path]:
     return path, others[0] if others else path
 
 
+@pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize("name", FORMATS + OTHERS)
 def test_every_truncation_is_an_error(tmp_path, capfd, name):
     """Warnings of the libraries stay off the terminal."""

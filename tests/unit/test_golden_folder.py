@@ -113,6 +113,7 @@ def test_a_kill_at_any_operation_leaves_the_old_or_the_new_goldens(tmp_path: Pat
     assert found == sorted(found), "the change counts from one operation on"
 
 
+@pytest.mark.slow
 def test_two_kills_leave_no_mixture(tmp_path: Path) -> None:
     """The second one ends the change that finishes the first."""
     num_killed = 0

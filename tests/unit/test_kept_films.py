@@ -276,7 +276,9 @@ def test_ranges_of_voxels_that_a_look_changed_are_not_kept(
     np.testing.assert_array_equal(picture(other, cache), plain)
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "int16", "float32", "int32"])
+@pytest.mark.parametrize(
+    "dtype", ["uint8", *(pytest.param(each, marks=pytest.mark.slow) for each in ("int16", "int32")), "float32"]
+)
 def test_the_second_look_at_a_volume_passes_over_no_voxels(
     dtype: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -168,6 +168,7 @@ def _kill_at(chunk: str, num: int, server: ServedFolder, cache: Path, *in_blocks
     return left
 
 
+@pytest.mark.slow
 def test_a_killed_process_loses_no_piece(large: ServedFolder, tmp_path: Path) -> None:
     left = _kill_at("2/1/1", 2, large, tmp_path)
     with _reading(large, tmp_path) as process:
@@ -181,12 +182,16 @@ def test_a_killed_process_loses_no_piece(large: ServedFolder, tmp_path: Path) ->
 
 
 def test_a_killed_process_loses_no_block(large: ServedFolder, tmp_path: Path) -> None:
-    """Blocks by which levels are compared are pieces, too."""
+    """Blocks by which levels are compared are pieces, too. A power failure has left zeros in one of them."""
     left = _kill_at("0/0/1", 11, large, tmp_path, "in blocks")
-    for asked in (["0/0/1"], []):
+    with (left / "voxels.npy").open("r+b") as file:
+        file.seek(1 << 20)
+        file.write(bytes(4096))
+    for num_asked in (2, 0):
         with _reading(large, tmp_path, "in blocks") as process:
             assert _sum_by(process) == SUM
-        assert _asked(large) == asked and not left.exists()
+        asked = _asked(large)
+        assert len(asked) == num_asked and ("0/0/1" in asked) == bool(asked) and not left.exists()
     with _reading(large, tmp_path) as process:
         assert _sum_by(process) == SUM
     assert _asked(large) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -50,27 +51,20 @@ def found(locale: str, names: list[bytes]) -> list[str]:
 
 
 @pytest.mark.parametrize("locale", LOCALES)
-def test_names_in_utf_8_are_read_in_any_locale(folder: Path, locale: str) -> None:
-    names = [UTF_8 + name.encode() for name in FILES]
-    for old, new in zip(FILES, names, strict=True):
-        os.rename(old, new)
-    sums = [str(VALUES.sum())] * 5 + ["303"]
-    assert found(locale, names) == sums
+def test_names_of_any_bytes_are_read_in_any_locale(folder: Path, locale: str) -> None:
+    """Names in UTF-8 of files and of their folder, and others."""
     os.mkdir(UTF_8)
-    for name in os.listdir(b"."):
-        if name != UTF_8:
-            os.rename(name, UTF_8 + b"/" + name)
-    os.rename(UTF_8 + b"/" + names[-1] + b"/97.dcm", UTF_8 + b"/" + names[-1] + b"/" + UTF_8)
-    assert found(locale, [UTF_8 + b"/" + name for name in names]) == sums
-
-
-def test_other_names_are_read_as_well(folder: Path) -> None:
-    names = [OTHER + name.encode() for name in FILES]
-    for old, new in zip(FILES, names, strict=True):
-        os.rename(old, new)
-    os.rename(names[-1] + b"/97.dcm", names[-1] + b"/" + OTHER)
-    for locale in LOCALES:
-        assert found(locale, names) == [str(VALUES.sum())] * 5 + ["303"]
+    for file in (path for path in folder.iterdir() if path.is_file() and path.name not in FILES):
+        shutil.copy(os.fsencode(file.name), UTF_8)  # the voxels of headers
+    for name in FILES[:-1]:
+        for begin in (UTF_8, OTHER):
+            shutil.copy(name.encode(), UTF_8 + b"/" + begin + name.encode())
+    for begin in (UTF_8, OTHER):
+        series = UTF_8 + b"/" + begin + b"dicom"
+        shutil.copytree(b"dicom", series)
+        os.rename(series + b"/97.dcm", series + b"/" + begin)
+    names = [UTF_8 + b"/" + begin + name.encode() for name in FILES for begin in (UTF_8, OTHER)]
+    assert found(locale, names) == [str(VALUES.sum())] * 10 + ["303"] * 2
 
 
 def test_headers_may_name_data_files_of_any_name(folder: Path) -> None:

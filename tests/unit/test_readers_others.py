@@ -214,6 +214,7 @@ def test_dicom_may_have_any_name(tmp_path):
     assert read(tmp_path / "image.img").shape_xyz == (5, 6, 1)
 
 
+@pytest.mark.usefixtures("one_process")
 @pytest.mark.parametrize("syntax", ["JPEGLosslessProcess14_1", "JPEGLSLossless", "JPEG2000Lossless"])
 def test_compressed_pixels_of_dicom(tmp_path, syntax):
     values = np.arange(60 * 50, dtype=np.uint16).reshape(60, 50)

@@ -44,9 +44,18 @@ def write(
     assert writer.Write() == 1
 
 
-@pytest.mark.parametrize("is_text", [False, True])
-@pytest.mark.parametrize("name", ["a.vti", "a.vtk"])
+@pytest.mark.parametrize(("name", "is_text"), [("a.vti", True), ("a.vtk", False), ("a.vtk", True)])
+@pytest.mark.usefixtures("one_process")
 def test_vtk_images(tmp_path, name, is_text):
+    require_vtk_image(tmp_path, name, is_text=is_text)
+
+
+def test_a_vtk_image_in_the_child_process(tmp_path):
+    require_vtk_image(tmp_path, "a.vti", is_text=False)
+
+
+def require_vtk_image(tmp_path, name, *, is_text):
+    """Read a file of VTK, and half of it, which is refused."""
     write(tmp_path / name, {"density": VALUES}, is_text=is_text)
     volume = read(tmp_path / name)
     np.testing.assert_array_equal(volume.values, VALUES)

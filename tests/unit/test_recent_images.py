@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dicom_files import NORMAL, write_series
+from this_process import read_here
 from volume_files import read
 
-from renderer.readers import Image, ImageRequest, RecentImages, read_isolated
+from renderer.readers import Image, ImageRequest, RecentImages
 
 
 def image(number: int) -> Image:
@@ -78,7 +79,7 @@ def test_a_step_is_decoded_once_until_a_file_of_the_series_changes(tmp_path: Pat
 
     def counted(reader: str, path: Path, **choice: object) -> Image:
         calls.append(path)
-        return read_isolated(reader, path, **choice)
+        return read_here(reader, path, **choice)
 
     monkeypatch.setattr("renderer.readers.volume_reading.read_isolated", counted)
     write_series(tmp_path, [k * NORMAL for k in range(3)])

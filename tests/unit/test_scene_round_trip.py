@@ -275,7 +275,8 @@ KEYS = ["x", 0, None, True, "fram", "axi", "points", "colormap", "raw", "\x1b", 
 def test_spoilt_data_are_refused_or_make_a_scene(name: str) -> None:
     choose = random.Random(1)
     num_read, refusals = 0, list[str]()
-    spoilt = [copy.deepcopy(scene_to_dict(SCENES[name])) for _ in range(100)]
+    whole = scene_to_dict(SCENES[name])
+    spoilt = [copy.deepcopy(whole) for _ in range(100)]
     for tree in spoilt:
         for _ in range(choose.randint(1, 4)):
             spoil(tree, choose, JUNK, KEYS)

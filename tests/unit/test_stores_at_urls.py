@@ -55,6 +55,7 @@ def test_only_the_chunks_of_a_crop_are_asked_for(server: ServedFolder) -> None:
     assert [path for path in server.asked if path[-1].isdigit()] == ["/a.ome.zarr/0/1.1.1"]
 
 
+@pytest.mark.usefixtures("one_process")
 def test_formats_over_http(tmp_path: Path, server: ServedFolder) -> None:
     zipped_store(tmp_path / "a.ome.zarr", tmp_path / "a.ozx")
     write_n5(tmp_path / "a.n5", LEVELS, [{"downsamplingFactors": [1, 1, 1]}, {"downsamplingFactors": [2, 2, 1]}])
@@ -138,6 +139,7 @@ def test_a_server_that_stalls_is_asked_again(tmp_path: Path) -> None:
         assert server.asked.count(f"/a.ome.zarr/{name}") == 2
 
 
+@pytest.mark.slow
 def test_a_server_that_stalls_for_good_is_an_error(tmp_path: Path) -> None:
     for name, server, shown in _read_soon(tmp_path, 9):
         assert shown.startswith(f"{server.url}/a.ome.zarr") and "retry attempts failed" in shown
@@ -145,6 +147,7 @@ def test_a_server_that_stalls_for_good_is_an_error(tmp_path: Path) -> None:
         assert server.asked.count(f"/a.ome.zarr/{name}") == 2
 
 
+@pytest.mark.slow
 def test_no_request_takes_longer_than_its_limit(tmp_path: Path) -> None:
     """Also where the limit of a server that stalls does not hold, as of one that sends a byte now and then."""
     for _, server, shown in _read_soon(tmp_path, 9, stalled=600, whole=1):

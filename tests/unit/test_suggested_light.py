@@ -55,6 +55,7 @@ def test_matter_without_surfaces_only_scatters(folder: Path) -> None:
     assert light is not None and (light.surface, light.specular) == (0.0, 0.0)
 
 
+@pytest.mark.usefixtures("one_process")
 def test_light_is_refused_where_nothing_scatters_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Channels add up, a shell is seen by its shading, and colours of voxels are no albedos."""
     suggested_scene()
