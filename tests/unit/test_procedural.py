@@ -59,7 +59,8 @@ DIGESTS = [
 
 @pytest.mark.parametrize(("name", "shape", "seed", "most", "expected"), DIGESTS)
 def test_values_do_not_change(name, shape, seed, most, expected, monkeypatch):
-    monkeypatch.setattr("renderer.readers.procedural._SLAB_VOXELS", most)
+    monkeypatch.setattr("renderer.readers.procedural_grid.SLAB_VOXELS", most)
+    monkeypatch.setattr("renderer.readers.procedural_grid.BLOCK_VOXELS", most)
     values = procedural_values(ProceduralSource(name, shape, seed))
     assert hashlib.blake2b(values.tobytes(), digest_size=8).hexdigest() == expected
 
@@ -71,7 +72,9 @@ import json, sys, tracemalloc
 from renderer.readers import procedural_values
 from renderer.scene import PROCEDURAL_NAMES, ProceduralSource
 
-sys.modules["renderer.readers.procedural"]._SLAB_VOXELS = int(sys.argv[1])
+procedural_values(ProceduralSource("constant", (8, 8, 8)))  # imports the readers
+grid = sys.modules["renderer.readers.procedural_grid"]
+grid.SLAB_VOXELS = grid.BLOCK_VOXELS = int(sys.argv[1])
 found = {}
 for name in PROCEDURAL_NAMES:
     procedural_values(ProceduralSource(name, (8, 8, 8)))  # imports what it needs
