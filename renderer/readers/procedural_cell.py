@@ -48,9 +48,10 @@ def _organelle_places(seed: int, channel: str) -> tuple[Array, Array]:
     places = random_places(seed + 3 + len(channel), 10 * most, 6)
     centres, axes = places[:, :3] * _RADII, places[:, 3:] * [1, 1, 0.5]
     axes *= half / np.sqrt(_square(axes))[:, None]
-    apart = np.sqrt(_square(centres - _NUCLEUS)) > _NUCLEUS_RADIUS + radius + 0.5 * half
+    apart = np.sqrt(_square(centres - _NUCLEUS)) > _NUCLEUS_RADIUS + 0.03 + radius + half
+    inside = _square(centres / (_RADII - radius - half)) < 0.87**2
     kept: list[int] = []
-    for k in np.flatnonzero(apart & (_square(centres / _RADII) < (0.88 - half) ** 2)):
+    for k in np.flatnonzero(apart & inside):
         if len(kept) < most and (_square(centres[kept] - centres[k]) > (2 * radius + half) ** 2).all():
             kept.append(k)
     return centres[kept], axes[kept]

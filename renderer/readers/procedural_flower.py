@@ -29,7 +29,7 @@ def flower_values(source: ProceduralSource) -> Array:
     """
     values = np.zeros(source.shape[::-1], np.uint8)
     for block in blocks(source, values, (1.56, 1.56, 2.1)):
-        field, blur = np.full(block.out.shape, float(_AIR)), 1.6 * block.step
+        field, blur = np.full(block.out.shape, float(_AIR)), 2 * block.step
         _paint_pot(field, block, source.seed, blur)
         bend = 0.06 * sine(0.4 * block.z)
         stem = np.maximum(np.sqrt((block.x - bend) ** 2 + block.y**2) - 0.032, np.abs(block.z + 0.05) - 0.46)
@@ -52,7 +52,7 @@ def _paint_pot(field: Array, block: Block, seed: int, blur: float) -> None:
     outer = np.where(block.z > -0.62, 0.53, 0.36 + 0.2 * (block.z + 1.02))
     crumbs = 0.07 * smooth_noise(seed, 12 * block.x, 12 * block.y, 12 * block.z)
     earth = np.maximum(radius - np.minimum(outer - 0.05, 0.44), np.abs(block.z + 0.78) - 0.24 - crumbs)
-    field += (_EARTH - field) * coverage(earth, blur)
+    field += (_EARTH - field) * coverage(earth, 1.5 * blur)
     wall = np.minimum(outer - 0.06 - radius, block.z + 0.96)
     pot = np.maximum(np.maximum(radius - outer, wall), np.abs(block.z + 0.74) - 0.28)
     field += (_CLAY - field) * coverage(pot, blur)
@@ -94,4 +94,4 @@ def _paint_blade(
     thickness = np.abs(part.z - level) / steep - 0.013
     distance = np.maximum(np.maximum(thickness, np.abs(side) - breadth), np.maximum(-out, out - length))
     value = _PETAL + _TIP * share if height == _HEAD else _LEAF
-    field[at] += (value - field[at]) * coverage(distance, 1.3 * block.step)
+    field[at] += (value - field[at]) * coverage(distance, 1.5 * block.step)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from renderer.readers.procedural_grid import Block, blocks, coverage, sine, smooth_noise
@@ -78,7 +80,7 @@ def _chamber(x: Array, y: Array, z: Array, radii: tuple[float, ...]) -> Array:
 def _tube(block: Block, places: tuple[tuple[float, float, float], ...]) -> Array:
     """Return the distance from a line through places."""
     square = np.full(block.out.shape, np.inf)
-    for (sx, sy, sz), (ex, ey, ez) in zip(places[:-1], places[1:], strict=True):
+    for (sx, sy, sz), (ex, ey, ez) in itertools.pairwise(places):
         dx, dy, dz = ex - sx, ey - sy, ez - sz
         x, y, z = block.x - sx, block.y - sy, block.z - sz
         along = np.clip((x * dx + y * dy + z * dz) / (dx * dx + dy * dy + dz * dz), 0, 1)

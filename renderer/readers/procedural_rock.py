@@ -40,7 +40,7 @@ def rock_values(source: ProceduralSource) -> Array:
 
 
 def _grains(block: Block, centres: Array, radii: Array, minerals: Array) -> tuple[Array, Array, Array]:
-    """Return signed distances to the nearest grain and the second nearest, and the value of the nearest grain's mineral.
+    """Return signed distances to the nearest grain and the second nearest, and the value of the nearest grain.
 
     Distances are at most 0.2, as far from a grain as that.
     """

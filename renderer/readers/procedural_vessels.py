@@ -19,7 +19,7 @@ _PERSISTENCE = 0.5
 # A place is reached at this distance.
 _REACHED = 0.045
 # The radius of the thinnest vessels.
-_THINNEST = 0.0042
+_THINNEST = 0.0065
 # Where the artery, and the vein, begins.
 _ROOTS = ((0.66, -0.03, 0.06), (0.66, 0.1, -0.06))
 
@@ -31,10 +31,10 @@ def vessel_values(source: ProceduralSource) -> Array:
     vessel parts, r^3 is the sum of the r^3 of its branches, so that r grows with the cube root of the number of ends.
     """
     values = np.zeros(source.shape[::-1], np.uint8)
-    trees = [_tree(2 * source.seed + k, np.array(root)) for k, root in enumerate(_ROOTS)]
+    trees = [vessel_tree(2 * source.seed + k, np.array(root)) for k, root in enumerate(_ROOTS)]
     for block in blocks(source, values, (1.5, 1.0, 2.0)):
         for label, (start, end, radius) in enumerate(trees, 1):
-            wide = np.maximum(radius, 0.6 * block.step)[:, None]
+            wide = np.maximum(radius, 0.9 * block.step)[:, None]
             low, high = np.minimum(start, end) - wide, np.maximum(start, end) + wide
             for k in block.near(low, high):
                 part, _ = block.part(low[k], high[k])
@@ -46,7 +46,7 @@ def vessel_values(source: ProceduralSource) -> Array:
     return values
 
 
-def _tree(seed: int, root: Array) -> tuple[Array, Array, Array]:
+def vessel_tree(seed: int, root: Array) -> tuple[Array, Array, Array]:
     """Return the starts, ends and radii of segments that grow from a root towards random places in a kidney.
 
     Each place pulls at the nearest end of a segment until it is reached, by space colonization (A. Runions, B. Lane,
@@ -59,21 +59,23 @@ def _tree(seed: int, root: Array) -> tuple[Array, Array, Array]:
     for begin, end in zip((0, *_NUM_PLACES), _NUM_PLACES, strict=False):
         places = all_places[begin:end]
         nearest, square = np.zeros(len(places), int), np.full(len(places), np.inf)
-        new = nodes
+        for k, node in enumerate(nodes):
+            distance = _square(places - node)
+            nearest, square = np.where(distance < square, k, nearest), np.minimum(distance, square)
         for _ in range(_MOST_STEPS):
-            for k, node in enumerate(new, len(nodes) - len(new)):
-                distance = _square(places - node)
-                nearest, square = np.where(distance < square, k, nearest), np.minimum(distance, square)
             left = square > _REACHED**2
             places, nearest, square = places[left], nearest[left], square[left]
             pulls = np.zeros_like(nodes)
             np.add.at(pulls, nearest, (places - nodes[nearest]) / np.sqrt(square)[:, None])
-            strength = np.sqrt(_square(pulls))
-            growing = np.flatnonzero(strength > 0.05)
-            heading = pulls[growing] / strength[growing, None]
+            growing = np.flatnonzero(_square(pulls) > 0)
+            heading = pulls[growing] / np.sqrt(_square(pulls[growing]))[:, None]
             heading += _PERSISTENCE / _SEGMENT * (nodes[growing] - nodes[parents[growing]])
-            new = nodes[growing] + _SEGMENT * heading / np.sqrt(_square(heading))[:, None]
-            nodes, parents = np.concatenate([nodes, new]), np.concatenate([parents, growing])
+            heading *= _SEGMENT / np.sqrt(_square(heading))[:, None]
+            for parent, node in zip(growing, nodes[growing] + heading, strict=True):
+                distance = _square(places - node)
+                if (distance < square).any():
+                    nearest, square = np.where(distance < square, len(nodes), nearest), np.minimum(distance, square)
+                    nodes, parents = np.concatenate([nodes, node[None]]), np.append(parents, parent)
     ends = np.bincount(parents[1:], minlength=len(nodes)) == 0
     num_ends = ends.astype(int)
     for k in range(len(nodes) - 1, 0, -1):
