@@ -53,7 +53,7 @@ def _organelle_places(seed: int, channel: str) -> tuple[Array, Array]:
     kept: list[int] = []
     for k in np.flatnonzero(apart & inside):
         if len(kept) < most and (_square(centres[kept] - centres[k]) > (2 * radius + half) ** 2).all():
-            kept.append(k)
+            kept.append(int(k))
     return centres[kept], axes[kept]
 
 

@@ -18,6 +18,8 @@ _TIP = 26
 _GOLDEN = 0.3819660112501051
 # The numbers of petals and florets.
 _NUM_PETALS, _NUM_FLORETS = 44, 150
+# The distance from the middle of the flower at which petals begin.
+_DISC = 0.09
 # The height of the flower above the middle of the volume; half of its width is 0.75.
 _HEAD = 0.42
 
@@ -28,6 +30,10 @@ def flower_values(source: ProceduralSource) -> Array:
     H. Vogel, "A better way to construct the sunflower head", Mathematical Biosciences 44, 1979.
     """
     values = np.zeros(source.shape[::-1], np.uint8)
+    order = np.arange(_NUM_FLORETS) + 0.5
+    radius, turns = 0.0115 * np.sqrt(order), order * _GOLDEN
+    x, y, z = radius * sine(turns + 0.25), radius * sine(turns), _HEAD + 0.1 - 1.8 * radius * radius
+    florets = np.stack([x, y, z], axis=1)
     for block in blocks(source, values, (1.56, 1.56, 2.1)):
         field, blur = np.full(block.out.shape, float(_AIR)), 2 * block.step
         _paint_pot(field, block, source.seed, blur)
@@ -36,13 +42,11 @@ def flower_values(source: ProceduralSource) -> Array:
         field += (_LEAF - field) * coverage(stem, blur)
         for blade in _blades():
             _paint_blade(field, block, *blade)
-        for k in range(_NUM_FLORETS):
-            radius, turns = 0.0115 * float(np.sqrt(k + 0.5)), k * _GOLDEN
-            x, y = radius * float(sine(turns + 0.25)), radius * float(sine(turns))
-            middle = np.array([x, y, _HEAD + 0.1 - 1.8 * radius * radius])
-            part, at = block.part(middle - 0.05, middle + 0.05)
-            square = (part.x - x) ** 2 + (part.y - y) ** 2 + ((part.z - middle[2]) / 1.8) ** 2
-            field[at] += (_FLORET - field[at]) * coverage(np.sqrt(square) - 0.014, blur)
+        for k in block.near(florets - 0.05, florets + 0.05):
+            part, at = block.part(florets[k] - 0.05, florets[k] + 0.05)
+            x, y, z = part.x - florets[k, 0], part.y - florets[k, 1], (part.z - florets[k, 2]) / 1.8
+            distance = np.sqrt(x * x + y * y + z * z) - 0.014
+            field[at] += (_FLORET - field[at]) * coverage(distance, blur)
         block.out[...] = np.floor(field + 0.5)
     return values
 
@@ -66,8 +70,8 @@ def _blades() -> Iterator[tuple[float, float, float, float, float, float]]:
     for turns, height, length in ((0.1, -0.42, 0.62), (0.43, -0.35, 0.56), (0.77, -0.25, 0.5)):
         yield turns, height, length, 0.15, 1.1, -1.5
     for k in reversed(range(_NUM_PETALS)):
-        age = float(np.sqrt((k + 1) / _NUM_PETALS))
-        yield k * _GOLDEN, _HEAD, 0.16 + 0.54 * age, 0.05 + 0.06 * age, 2.0 - 1.95 * age, 0.6 - 0.95 * age
+        age = float(np.sqrt((k + 8) / (_NUM_PETALS + 7)))
+        yield k * _GOLDEN, _HEAD, 0.06 + 0.55 * age, 0.05 + 0.06 * age, 1.9 - 1.85 * age, 0.5 - 0.85 * age
 
 
 def _paint_blade(
@@ -82,11 +86,12 @@ def _paint_blade(
 ) -> None:
     """Draw a leaf or a petal: a thin sheet, curved along and across, and in a petal denser towards its tip."""
     cos, sin = float(sine(turns + 0.25)), float(sine(turns))
-    tip = np.array([cos * length, sin * length, 0.0])
+    begin = _DISC if height == _HEAD else 0.0
+    tip = np.array([cos * (begin + length), sin * (begin + length), 0.0])
     low, high = np.minimum(tip, 0) - width, np.maximum(tip, 0) + width
     low[2], high[2] = height - 0.3, height + 0.6
     part, at = block.part(low, high)
-    out, side = cos * part.x + sin * part.y, cos * part.y - sin * part.x
+    out, side = cos * part.x + sin * part.y - begin, cos * part.y - sin * part.x
     share = np.clip(out / length, 0, 1)
     breadth = width * 1.6 * np.sqrt(share * (1 - share * share))
     level = height + out * (slope + curvature * out) + 1.6 * side * side

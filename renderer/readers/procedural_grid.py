@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
@@ -45,12 +44,12 @@ class Block:
         last = [axis.flat[-1] for axis in (self.x, self.y, self.z)]
         return np.asarray(np.flatnonzero(((low <= last) & (high >= first)).all(axis=1)))
 
-    def part(self, low: Array, high: Array) -> tuple[Self, tuple[slice, slice, slice]]:
+    def part(self, low: Array, high: Array) -> tuple[Block, tuple[slice, slice, slice]]:
         """Return the part of the block in a box, and where it lies in the block."""
         axes = (self.x, self.y, self.z)
         x, y, z = (slice(*np.searchsorted(axis.ravel(), ends)) for axis, *ends in zip(axes, low, high, strict=True))
         at = (z, y, x)
-        return type(self)(self.out[at], self.x[..., x], self.y[:, y], self.z[z], self.step), at
+        return Block(self.out[at], self.x[..., x], self.y[:, y], self.z[z], self.step), at
 
 
 def blocks(source: ProceduralSource, values: Array, size: tuple[float, float, float]) -> Iterator[Block]:
@@ -122,4 +121,4 @@ def smooth_noise(seed: int, x: Array, y: Array, z: Array) -> Array:
             first, second = (lattice[row + i].astype(np.float64) for i in (below[0], above[0]))
             along_y.append(first + (second - first) * shares[0])
         along_z.append(along_y[0] + (along_y[1] - along_y[0]) * shares[1])
-    return (along_z[0] + (along_z[1] - along_z[0]) * shares[2]) / 255
+    return np.asarray((along_z[0] + (along_z[1] - along_z[0]) * shares[2]) / 255)

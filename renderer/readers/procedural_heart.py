@@ -74,7 +74,7 @@ def _relaxed(block: Block, squeeze: float) -> tuple[Array, Array, Array]:
 def _chamber(x: Array, y: Array, z: Array, radii: tuple[float, ...]) -> Array:
     """Return nearly the signed distance from the surface of an ellipsoid whose upper half has a height of its own."""
     along_z = z / np.where(z < 0, radii[2], radii[3])
-    return (np.sqrt((x / radii[0]) ** 2 + (y / radii[1]) ** 2 + along_z**2) - 1) * radii[1]
+    return np.asarray((np.sqrt((x / radii[0]) ** 2 + (y / radii[1]) ** 2 + along_z**2) - 1) * radii[1])
 
 
 def _tube(block: Block, places: tuple[tuple[float, float, float], ...]) -> Array:
@@ -98,4 +98,4 @@ def _coronaries(surface: Array, groove: Array, z: Array) -> Array:
     nearest = lines[0]
     for line in lines[1:]:
         nearest = np.minimum(nearest, line)
-    return np.maximum(nearest, np.abs(surface) - 0.02)
+    return np.maximum(nearest, np.abs(surface - 0.01) - 0.022)

@@ -68,14 +68,20 @@ def vessel_tree(seed: int, root: Array) -> tuple[Array, Array, Array]:
             pulls = np.zeros_like(nodes)
             np.add.at(pulls, nearest, (places - nodes[nearest]) / np.sqrt(square)[:, None])
             growing = np.flatnonzero(_square(pulls) > 0)
+            if not growing.size:
+                break
             heading = pulls[growing] / np.sqrt(_square(pulls[growing]))[:, None]
             heading += _PERSISTENCE / _SEGMENT * (nodes[growing] - nodes[parents[growing]])
             heading *= _SEGMENT / np.sqrt(_square(heading))[:, None]
-            for parent, node in zip(growing, nodes[growing] + heading, strict=True):
+            first, kept = len(nodes), []
+            for k, node in enumerate(nodes[growing] + heading):
                 distance = _square(places - node)
                 if (distance < square).any():
-                    nearest, square = np.where(distance < square, len(nodes), nearest), np.minimum(distance, square)
-                    nodes, parents = np.concatenate([nodes, node[None]]), np.append(parents, parent)
+                    nearest = np.where(distance < square, first + len(kept), nearest)
+                    square = np.minimum(distance, square)
+                    kept.append(k)
+            nodes = np.concatenate([nodes, (nodes[growing] + heading)[kept]])
+            parents = np.append(parents, growing[kept])
     ends = np.bincount(parents[1:], minlength=len(nodes)) == 0
     num_ends = ends.astype(int)
     for k in range(len(nodes) - 1, 0, -1):
@@ -85,4 +91,4 @@ def vessel_tree(seed: int, root: Array) -> tuple[Array, Array, Array]:
 
 
 def _square(vectors: Array) -> Array:
-    return vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2
+    return np.asarray(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2)

@@ -237,7 +237,7 @@ class RawSource:
 
 @dataclass(frozen=True)
 class ProceduralSource:
-    """A volume made from a formula. phase: the phase of `beating_heart`, in beats, or of `storm`, in turns."""
+    """A volume made from a formula. phase: in beats of `beating_heart`, or turns of `storm`."""
 
     key: ClassVar[str] = "procedural"
     name: Annotated[str, schema.choice_field(*PROCEDURAL_NAMES), KeyText("The formula that makes the voxels.")]
@@ -247,9 +247,7 @@ class ProceduralSource:
     ] = 1
     spacing: Spacing = (1.0, 1.0, 1.0)
     phase: Annotated[
-        float,
-        schema.number_field(minimum=-1e6, maximum=1e6),
-        KeyText("The phase of `beating_heart`, in beats, or of `storm`, in turns."),
+        float, schema.number_field(minimum=-1e6, maximum=1e6), KeyText("The phase of a heartbeat, or of `storm`.")
     ] = 0.0
 
 

@@ -65,9 +65,9 @@ DIGESTS = [
     ("cell_mitochondria", (48, 40, 56), 3, 2**20, "ffca66ad0229aa74"),
     ("cell_vesicles", (48, 40, 56), 3, 2**20, "2389bece6e630d15"),
     ("porous_rock", (48, 40, 56), 3, 2**20, "3270f9c0bbf4d6f4"),
-    ("flower", (48, 40, 56), 3, 2**20, "43b09560d040e87a"),
+    ("flower", (48, 40, 56), 3, 2**20, "c20f1920c57921e4"),
     ("storm", (48, 40, 56), 3, 2**20, "169caa51d71e5b3d"),
-    ("beating_heart", (48, 40, 56), 3, 2**20, "24615186dc505eea"),
+    ("beating_heart", (48, 40, 56), 3, 2**20, "ebff99db20a9f0f2"),
 ]
 
 
@@ -80,7 +80,7 @@ def test_values_do_not_change(name, shape, seed, most, expected, monkeypatch):
 
 
 # A program that prints how many bytes of memory each procedural volume takes at most beyond its values, while it is
-# made, for planes of three sizes. No other thread of its process takes memory.
+# made, for planes of two sizes. No other thread of its process takes memory.
 PEAKS = """
 import json, sys, tracemalloc
 from renderer.readers import procedural_values
@@ -92,7 +92,7 @@ grid.SLAB_VOXELS = grid.BLOCK_VOXELS = int(sys.argv[1])
 found = {}
 for name in PROCEDURAL_NAMES:
     found[name] = []
-    for side in (8, 64, 256):  # the first one imports all that is needed
+    for side in (32, 128):
         tracemalloc.start()
         values = procedural_values(ProceduralSource(name, (side, side, 2)))
         found[name].append(tracemalloc.get_traced_memory()[1] - values.nbytes)
@@ -102,14 +102,14 @@ print(json.dumps(found))
 
 
 def test_working_memory_does_not_grow_with_a_plane(tmp_path):
-    most = 2**12
+    most = 2**9
     program = [sys.executable, "-c", PEAKS, str(most)]
     told = subprocess.run(program, cwd=tmp_path, capture_output=True, check=True, timeout=120)
     peaks = json.loads(told.stdout)
     assert peaks.keys() == set(PROCEDURAL_NAMES)
-    growth = {name: large - small for name, (_, small, large) in peaks.items()}
+    growth = {name: large - small for name, (small, large) in peaks.items()}
     assert max(growth.values()) < 8 * most * np.dtype(np.float64).itemsize, growth
-    assert max(large for _, _, large in peaks.values()) < 2**21, peaks
+    assert max(large for _, large in peaks.values()) < 2**21, peaks
 
 
 def _made(name: str, *, seed: int = 1, phase: float = 0.0, shape: tuple[int, int, int] = (24, 24, 24)) -> np.ndarray:
