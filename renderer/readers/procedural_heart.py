@@ -85,7 +85,7 @@ def _tube(block: Block, places: tuple[tuple[float, float, float], ...]) -> Array
         x, y, z = block.x - sx, block.y - sy, block.z - sz
         along = np.clip((x * dx + y * dy + z * dz) / (dx * dx + dy * dy + dz * dz), 0, 1)
         np.minimum(square, (x - along * dx) ** 2 + (y - along * dy) ** 2 + (z - along * dz) ** 2, out=square)
-    return np.sqrt(square)
+    return np.asarray(np.sqrt(square))
 
 
 def _coronaries(surface: Array, groove: Array, z: Array) -> Array:

@@ -73,7 +73,8 @@ def vessel_tree(seed: int, root: Array) -> tuple[Array, Array, Array]:
             heading = pulls[growing] / np.sqrt(_square(pulls[growing]))[:, None]
             heading += _PERSISTENCE / _SEGMENT * (nodes[growing] - nodes[parents[growing]])
             heading *= _SEGMENT / np.sqrt(_square(heading))[:, None]
-            first, kept = len(nodes), []
+            first = len(nodes)
+            kept: list[int] = []
             for k, node in enumerate(nodes[growing] + heading):
                 distance = _square(places - node)
                 if (distance < square).any():
