@@ -101,6 +101,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.slow
 def test_working_memory_does_not_grow_with_a_plane(tmp_path):
     most = 2**9
     program = [sys.executable, "-c", PEAKS, str(most)]
