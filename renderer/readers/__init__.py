@@ -25,7 +25,9 @@ Sizes are checked before memory is taken, and the checksums of compressed voxels
 - `volume_files.py`: the files of a volume, and their marks
 - `voxel_colors.py`: components joined into colours
 - `segments.py`: overlapping segments joined into labels, and the segments of 3D Slicer; `masks.py`: a folder of masks
-- `procedural.py`: volumes from formulas
+- `procedural.py`: volumes from formulas, of which some have a file each: `procedural_engine_block.py`,
+  `procedural_heart.py`, `procedural_vessels.py`, `procedural_cell.py`, `procedural_rock.py`, `procedural_storm.py` and
+  `procedural_flower.py`; `procedural_grid.py`: their coordinates, blocks, random numbers and noise
 
 Formats that are parsed in Python:
 

@@ -36,6 +36,7 @@ from .isolation import call_reader as call_reader, read_isolated as read_isolate
 from .kept_levels import find_marks as find_marks
 from .nrrd import read_nrrd as read_nrrd
 from .procedural import procedural_values as procedural_values
+from .procedural_vessels import vessel_tree as vessel_tree
 from .recent_images import ImageRequest as ImageRequest, RecentImages as RecentImages
 from .statements import FormatTable as FormatTable, Statement as Statement
 from .volume_reading import crop_image as crop_image

@@ -27,6 +27,15 @@ PROCEDURAL_NAMES = (
     "cell_membranes",
     "atlas",
     "beating_heart",
+    "vessels",
+    "cell_plasma_membrane",
+    "cell_nucleus",
+    "cell_reticulum",
+    "cell_mitochondria",
+    "cell_vesicles",
+    "porous_rock",
+    "storm",
+    "flower",
 )
 
 ITEM_SIZES = {f"{kind}{8 * size}": size for size in (1, 2, 4, 8) for kind in ("uint", "int")}
@@ -226,7 +235,7 @@ class RawSource:
 
 @dataclass(frozen=True)
 class ProceduralSource:
-    """A volume made from a formula. phase: the phase of `beating_heart`, in beats."""
+    """A volume made from a formula. phase: in beats of `beating_heart`, or turns of `storm`."""
 
     key: ClassVar[str] = "procedural"
     name: Annotated[str, schema.choice_field(*PROCEDURAL_NAMES), KeyText("The formula that makes the voxels.")]
@@ -238,7 +247,7 @@ class ProceduralSource:
     ] = 1
     spacing: Spacing = (1.0, 1.0, 1.0)
     phase: Annotated[
-        float, schema.number_field(minimum=-1e6, maximum=1e6), KeyText("The phase of `beating_heart`, in beats.")
+        float, schema.number_field(minimum=-1e6, maximum=1e6), KeyText("The phase of a heartbeat, or of `storm`.")
     ] = 0.0
 
 
