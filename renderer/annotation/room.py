@@ -41,18 +41,15 @@ def taken_boxes(spec: AnnotationSpec, facts: AnnotationFacts, frames: Sequence[F
     """
     boxes, (width, height) = dict[str, Box](), facts.size
     with suppress(InputError):
-        annotator = Annotator(spec, facts)
-        for frame in frames:
-            sketches = dict[str, Sketch]()
-            for key in spec.entries:
-                with suppress(InputError):
-                    sketches[key] = annotator.sketch(key, frame)
-            for key, (row, column) in annotator.places(sketches).items():
-                right, bottom = column + sketches[key].width, row + sketches[key].height
-                if sketches[key].width:
-                    box = Box(column / width, row / height, right / width, bottom / height)
-                    boxes[key] = box.joined(boxes.get(key, box))
-        for (side, rank), place in annotator.name_places().items():
+        annotator, sketches = Annotator(spec, facts), dict[str, Sketch]()
+        for key in spec.entries:
+            with suppress(InputError):
+                sketches[key] = annotator.sketch(key, annotator.widest(key, frames))
+        for key, (row, column) in annotator.places(sketches).items():
+            right, bottom = column + sketches[key].width, row + sketches[key].height
+            if sketches[key].width:
+                boxes[key] = Box(column / width, row / height, right / width, bottom / height)
+        for (side, rank), place in annotator.name_places.items():
             right, bottom = place.column + place.line.shape[1], place.row + len(place.line)
             edge = right if side == "left" else width
             start = 0 if side == "left" else place.column

@@ -11,12 +11,13 @@ import numpy as np
 from renderer.annotation import (
     AnnotationFacts,
     Annotator,
-    NamedLabel,
+    LabelPoints,
     annotation_problems,
     draw_annotation,
     film_facts,
     find_anchors,
     frame_facts,
+    label_points,
     length_unit,
 )
 from renderer.draw import draw_lines, make_outline
@@ -36,7 +37,9 @@ class FilmAnnotation:
         # Annotators are kept, because each one keeps the drawings that do not change from frame to frame.
         self._annotator = lru_cache(len(self._output.kinds))(Annotator)
         self._facts: tuple[FilmStage, dict[PictureKind, AnnotationFacts]] = film, {}
-        self._names: tuple[Sequence[Layer], Sequence[NamedLabel]] = (), ()
+        self._names, points = names_of(film.scene, film.layers)
+        # The points of the layers that were drawn last: layers change where a volume moves, or its labels do.
+        self._points: tuple[Sequence[Layer], LabelPoints] = film.layers, points
 
     def draw(self, image: Float32, kind: PictureKind, stage: Stage, frame: int, psnr: float | None) -> None:
         """Draw the annotation over a picture of a frame, float32 [h, w, 4].
@@ -47,15 +50,16 @@ class FilmAnnotation:
         if stage is not self._facts[0]:
             self._facts = stage, {}
         known = self._facts[1]
-        if stage.layers is not self._names[0]:
-            self._names = stage.layers, names_of(self._film.scene, stage.layers)
-        names = self._names[1]
         if kind not in known:
-            known[kind] = film_facts(stage.scene, stage.layers, kind, names)
+            known[kind] = film_facts(stage.scene, stage.layers, kind, self._names)
         annotator = self._annotator(stage.scene.annotation, known[kind])
         view = view_of(stage, frame)
         facts = frame_facts(self._film.scene, stage.layers, view, frame, kind)
-        facts = replace(facts, anchors=find_anchors(names, stage.layers, view, kind.size[0]))
+        if self._names:
+            if stage.layers is not self._points[0]:
+                self._points = stage.layers, label_points(stage.layers)
+            anchors = find_anchors(self._names, self._points[1], stage.layers, view, kind.size[0])
+            facts = replace(facts, anchors=anchors)
         patches = annotator.patches(facts.with_accuracy(psnr))
         draw_annotation(image, patches, is_linear=stage.scene.light is not None)
 
@@ -82,7 +86,7 @@ def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
     if not annotation.has_patches:
         return
     problems: list[Problem] = []
-    names = names_of(film.scene, film.layers)
+    names, _ = names_of(film.scene, film.layers)
     for kind in film.scene.output.kinds:
         shown = []
         for frame in tried_frames(frames):
