@@ -246,6 +246,11 @@ class OutputFile:
         return at_zero - per_step * self.quality
 
     @property
+    def states_dpi(self) -> bool:
+        """Return whether files of the format have a place for a resolution."""
+        return self.is_frames or self.chosen_codec.has_dpi
+
+    @property
     def kind(self) -> PictureKind:
         """Return the kind of pictures from which the output is made."""
         pixel_format = self.chosen_pixel_format
@@ -257,8 +262,12 @@ class OutputFile:
         return self._keys()
 
     def _keys(self) -> dict[str, object]:
-        """Return the keys of this file with their values, as a scene file has them. `every: 1` is left out."""
+        """Return the keys of this file with their values, as a scene file has them.
+
+        `every: 1` is left out, and a dpi that the file cannot state.
+        """
         values = {each.name: getattr(self, each.name) for each in fields(OutputFile)}
+        values["dpi"] = self.dpi if self.states_dpi else None
         given = {key: value for key, value in values.items() if value is not None and (key, value) != ("every", 1)}
         return given | {"background": at_keys(_written_background, self.background)}
 
@@ -289,6 +298,15 @@ class OutputSpec(OutputFile):
     def kinds(self) -> tuple[PictureKind, ...]:
         """Return the kinds of pictures of all outputs, each once; the first output's kind comes first."""
         return tuple(dict.fromkeys(each.kind for each in self.files))
+
+    @property
+    def dpi_note(self) -> str | None:
+        """Return a note on a dpi that none of the files can state; None without one."""
+        without = [each for each in self.files if each.dpi is not None]
+        if not without or any(each.states_dpi for each in without):
+            return None
+        names = join_words([each.file.name for each in without], "and")
+        return f"{names} cannot state {without[0].dpi:g} dpi: PNG, APNG and EXR files have a place for it"
 
     def shown(self, frames: Sequence[int]) -> list[OutputFile]:
         """Return the outputs that show any of these frames."""
