@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -121,34 +122,50 @@ class Annotator:
     def name_places(self) -> dict[tuple[Side, int], NamePlace]:
         """Return the places of the names of labels, by side and rank: an even column at each side.
 
-        Columns lie between the entries at the top and at the bottom of their side.
-
-        Raises InputError if names do not fit into a column, or the picture.
+        Columns lie between the entries at the top and at the bottom of their side. Raises InputError if names do not
+        fit into a column.
         """
-        if self._spec.names is None:
-            return {}
-        found = dict[tuple[Side, int], NamePlace]()
-        width, px = self._facts.size[0], self._pen.px(self._name_size)
-        for side, names in zip(_SIDES, self._facts.names, strict=True):
+        found, px = dict[tuple[Side, int], NamePlace](), self._name_px
+        width, height = self._facts.size
+        for side, names in zip(_SIDES, self._facts.names if self._spec.names is not None else (), strict=False):
             lines = [self._pen.font.line(text, px).mask for text, _ in names]
             if not lines:
                 continue
             across, down = max(line.shape[1] for line in lines), len(lines[0])
             top, bottom = self._name_rows(side)
-            pitch = min((bottom - top) / len(lines), _PITCH * down)
-            if pitch < down or 3 * (across + self.margin) > width:
+            if not self._has_columns(px):
                 got = f"{len(lines)} names at the {side}, at most {across} x {down} pixels each"
                 expected = f"a third of the width of {width} pixels, and {max(bottom - top, 0)} pixels of the height"
                 hint = "a smaller size, a larger picture, or fewer labels"
                 raise InputError("do not fit beside the object", got=got, expected=expected, hint=hint)
+            pitch = min((bottom - top) / len(lines), _PITCH * down)
             length = round(pitch * len(lines))
-            first = min(max((self._facts.size[1] - length) // 2, top), bottom - length)
+            first = min(max((height - length) // 2, top), bottom - length)
             for rank, line in enumerate(lines):
                 row = first + round((rank + 0.5) * pitch - down / 2)
                 left, inner = self.margin + across - line.shape[1], self.margin + across + px // 3
                 column = left if side == "left" else width - self.margin - across
                 found[side, rank] = NamePlace(row, column, line, inner if side == "left" else width - inner)
         return found
+
+    @cached_property
+    def _name_px(self) -> int:
+        """Return the height of names in pixels: their own or that of texts or, if these do not fit, one that fits."""
+        spec = self._spec.names
+        if spec is not None and spec.size is not None:
+            return self._pen.px(spec.size)
+        sizes = range(MIN_TEXT_PX, self._pen.px(self._spec.size) + 1)
+        num_fitting = bisect_left(sizes, True, key=lambda px: not self._has_columns(px))
+        return sizes[max(num_fitting - 1, 0)]
+
+    def _has_columns(self, px: int) -> bool:
+        """Return whether names of a height fit into columns of a third of the picture's width."""
+        for side, names in zip(_SIDES, self._facts.names, strict=True):
+            (top, bottom), down = self._name_rows(side), len(self._pen.font.line(" ", px).mask)
+            across = max((self._pen.font.line(text, px).mask.shape[1] for text, _ in names), default=0)
+            if names and (len(names) * down > bottom - top or 3 * (across + self.margin) > self._facts.size[0]):
+                return False
+        return True
 
     def _name_rows(self, side: Side) -> tuple[int, int]:
         """Return the first row and the last that a column may take, between the entries above it and below it."""
@@ -168,14 +185,9 @@ class Annotator:
             return self.sketch(key, FrameFacts()).height
         return 0
 
-    @property
-    def _name_size(self) -> float:
-        own = self._spec.names.size if self._spec.names is not None else None
-        return self._spec.size if own is None else own
-
     def _name_patches(self, frame: FrameFacts) -> Iterator[Patch]:
         """Yield lines to labels, then the names of labels. A name without a visible label is faint."""
-        px, spec = self._pen.px(self._name_size), self._spec.names
+        px, spec = self._name_px, self._spec.names
         if spec is None:
             return
         half = max(px / 24, 0.6)
@@ -189,7 +201,7 @@ class Annotator:
 
     def _finish_name(self, key: tuple[Side, int]) -> Patch:
         """Return a name as a patch. key: its side and rank."""
-        place, spec, px = self.name_places[key], self._spec.names, self._pen.px(self._name_size)
+        place, spec, px = self.name_places[key], self._spec.names, self._name_px
         assert spec is not None
         rim, sketch = min(max(px // 12, 1), _MAX_RIM_PX), Sketch()
         sketch.draw(place.line, 0, 0)
