@@ -2,11 +2,13 @@ from .annotator import Annotator as Annotator, annotation_problems as annotation
 from .facts import AnnotationFacts as AnnotationFacts, ColorBar as ColorBar, FrameFacts as FrameFacts
 from .layer_facts import film_facts as film_facts, frame_facts as frame_facts, length_unit as length_unit
 from .names import (
+    NUM_FRAMES as NUM_FRAMES,
     LabelPoints as LabelPoints,
     NamedLabel as NamedLabel,
     find_anchors as find_anchors,
     label_points as label_points,
     named_labels as named_labels,
+    ordered_names as ordered_names,
 )
 from .room import LEAST_SHARE as LEAST_SHARE, Box as Box, free_rooms as free_rooms, taken_boxes as taken_boxes
 from .sketch import draw_annotation as draw_annotation

@@ -193,8 +193,7 @@ class Annotator:
         half = max(px / 24, 0.6)
         for key, anchor in frame.anchors.items():
             place = self.name_places[key]
-            middle = place.row + len(place.line) / 2
-            yield from Leader((place.inner, middle), anchor, half).patches(self._color(spec, middle))
+            yield from Leader(place.start, anchor, half).patches(self._color(spec, place.start[1]))
         for key in self.name_places:
             name = self._finished_name(key)
             yield name if key in frame.anchors else name._replace(rgba=_FAINT * name.rgba)
@@ -205,7 +204,7 @@ class Annotator:
         assert spec is not None
         rim, sketch = min(max(px // 12, 1), _MAX_RIM_PX), Sketch()
         sketch.draw(place.line, 0, 0)
-        color = self._color(spec, place.row + len(place.line) / 2)
+        color = self._color(spec, place.start[1])
         return Patch(sketch.finish(color, rim), place.row - rim, place.column - rim)
 
     def _color(self, spec: EntrySpec | NamesSpec, row: float) -> Color:
@@ -232,6 +231,11 @@ class NamePlace(NamedTuple):
     column: int
     line: UInt8
     inner: int
+
+    @property
+    def start(self) -> tuple[float, float]:
+        """Return the place (x, y) where the line begins, in pixels."""
+        return self.inner, self.row + len(self.line) / 2
 
 
 class Leader(NamedTuple):

@@ -2,14 +2,16 @@
 
 The places of texts are the same on all frames, since a text that jumps cannot be read; only the lines move. Each label
 has a side and a rank there: of the orders that were tried, the one with the fewest crossings of lines on some frames of
-the path. A line ends in the middle of the part of its label that can be seen or, where the picture shows no part of the
-label there, at the nearest point that can be seen. All follows from the scene, the layers and the frame, so that frames
-may be drawn in any order.
+the path. The sides are found before the object is framed, as columns take room; ranks are found again afterwards.
+
+A line ends in the middle of the part of its label that can be seen or, where the picture shows no part of the label
+there, at the nearest point that can be seen. All follows from the scene, the layers and the frame, so that frames may
+be drawn in any order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -23,13 +25,13 @@ from renderer.view import View, camera_poses
 from renderer.volume import Bools, Float64, Int64
 
 # The largest number of frames of the path on which crossings of lines are counted.
-_NUM_FRAMES = 16
+NUM_FRAMES = 16
 # The distance of columns, and half their height, in radii of the ball around the labels, where crossings are counted.
 _ASIDE, _HALF_HEIGHT = 1.6, 1.0
 # The largest share of names at one side.
 _MOST_AT_SIDE = 0.6
-# The cost of a line as long as the radius, in crossings: of orders with equally many crossings, that with shorter lines
-# is taken.
+# The cost of a line as long as the radius, or as a picture is high, in crossings: of orders with equally many
+# crossings, that with shorter lines is taken.
 _COST_OF_LENGTH = 0.1
 # The largest number of exchanges of two names that are tried.
 _MOST_EXCHANGES = 4000
@@ -84,6 +86,26 @@ def named_labels(
     found = dict(zip(order.tolist(), columns, strict=True))
     placed = [each._replace(side=found[k][0], rank=found[k][1]) for k, each in enumerate(names)]
     return sorted(placed, key=lambda each: (each.side, each.rank))
+
+
+def ordered_names(
+    names: Sequence[NamedLabel],
+    starts: Mapping[tuple[Side, int], tuple[float, float]],
+    points: LabelPoints,
+    layers: Sequence[Layer],
+    views: Sequence[View],
+) -> list[NamedLabel]:
+    """Return names in the order, at each side, in which lines cross least in some views of a framed film.
+
+    starts: the column and the row, in shares of the picture's height, at which the line of each name begins.
+    """
+    if not names:
+        return []
+    ends = np.stack([_ends(names, points, layers, view) / view.size[1] for view in views])
+    own = np.array([starts[each.side, each.rank] for each in names])
+    order = _improved(ends, own, np.arange(len(names)), [each.side for each in names])
+    moved = [names[k]._replace(side=each.side, rank=each.rank) for k, each in zip(order, names, strict=True)]
+    return sorted(moved, key=lambda each: (each.side, each.rank))
 
 
 def find_anchors(
@@ -157,7 +179,7 @@ def _ends_on_path(
     own = np.concatenate([_points_of(each, points) for each in names])
     centre = (own.min(axis=0) + own.max(axis=0)) / 2
     radius = max(float(np.linalg.norm(own - centre, axis=1).max()), 1e-300)
-    frames = np.unique(np.linspace(0, path.frames - 1, _NUM_FRAMES).round().astype(int)).tolist()
+    frames = np.unique(np.linspace(0, path.frames - 1, NUM_FRAMES).round().astype(int)).tolist()
     views = [
         View(axes, centre, 4 * radius, "orthographic", 1e6 / radius, (3_000_000, 3_000_000))
         for axes in camera_poses(path, frames).axes
@@ -190,8 +212,7 @@ def _mean_over_frames(ends: Float64) -> Float64:
 def _order(ends: Float64, starts: Float64) -> Int64:
     """Return the label at each start of a line, int64 [n], so that lines cross seldom.
 
-    Names begin in the order of their mean ends, from side to side and down. Then two of them change places as long as
-    this makes fewer crossings, or shorter lines.
+    Names begin in the order of their mean ends, from side to side and down.
     """
     mean, num = _mean_over_frames(ends), len(starts)
     by_column, order = np.argsort(mean[:, 0], kind="stable"), np.empty(num, np.int64)
@@ -199,17 +220,21 @@ def _order(ends: Float64, starts: Float64) -> Int64:
         at_side = np.flatnonzero(starts[:, 0] == column)
         labels = by_column[at_side]
         order[at_side] = labels[np.argsort(mean[labels, 1], kind="stable")]
+    return _improved(ends, starts, order, [""] * num)
+
+
+def _improved(ends: Float64, starts: Float64, order: Int64, groups: Sequence[str]) -> Int64:
+    """Return an order with fewer crossings, or shorter lines, found by exchanges of two names of the same group."""
     tried, has_changed = 0, True
+    pairs = [[one, other] for one, other in combinations(range(len(starts)), 2) if groups[one] == groups[other]]
     while has_changed and tried < _MOST_EXCHANGES:
         has_changed = False
-        for pair in map(list, combinations(range(num), 2)):
+        for pair in pairs[: _MOST_EXCHANGES - tried]:
             changed = order.copy()
             changed[pair] = order[pair[::-1]]
             if _cost(ends, starts, changed, pair) < _cost(ends, starts, order, pair) - 1e-6:
                 order, has_changed = changed, True
-            tried += 1
-            if tried == _MOST_EXCHANGES:
-                break
+        tried += len(pairs)
     return order
 
 

@@ -49,10 +49,10 @@ def taken_boxes(spec: AnnotationSpec, facts: AnnotationFacts, frames: Sequence[F
             right, bottom = column + sketches[key].width, row + sketches[key].height
             if sketches[key].width:
                 boxes[key] = Box(column / width, row / height, right / width, bottom / height)
+        # Each name takes the width of its column, so that the room does not depend on their order.
         for (side, rank), place in annotator.name_places.items():
-            right, bottom = place.column + place.line.shape[1], place.row + len(place.line)
-            edge = right if side == "left" else width
-            start = 0 if side == "left" else place.column
+            start, edge = (0, place.inner) if side == "left" else (place.inner, width)
+            bottom = place.row + len(place.line)
             boxes[f"names.{side}.{rank}"] = Box(start / width, place.row / height, edge / width, bottom / height)
     return boxes
 

@@ -210,10 +210,10 @@ def names_of(scene: FilmScene, layers: Sequence[Layer]) -> tuple[list[NamedLabel
 
 def tried_frames(frames: Sequence[int]) -> list[int]:
     """Return the frames on which the annotation is tried before a film is drawn, with the first and the last."""
-    return _spread(frames, _MOST_TRIED)
+    return spread(frames, _MOST_TRIED)
 
 
-def _spread(frames: Sequence[int], most: int) -> list[int]:
+def spread(frames: Sequence[int], most: int) -> list[int]:
     """Return at most this number of frames, evenly spread, with the first and the last."""
     num = min(most, len(frames))
     return [frames[k * (len(frames) - 1) // max(1, num - 1)] for k in range(num)]
@@ -269,4 +269,4 @@ def _sampled(scene: FilmScene, num: int) -> list[int]:
     if not scene.moves:
         return [0]
     frames = sorted({0, *scene.key_frames, *range(0, scene.num_frames, max(1, scene.num_frames // num))})
-    return _spread(frames, num)
+    return spread(frames, num)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
@@ -15,8 +15,9 @@ from renderer.scene.input_file import place_name, place_of
 from renderer.scene.message_text import did_you_mean, format_value, join_words
 from renderer.scene.motion import Motion, at_keys, value_at
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
+from renderer.scene.picture_kind import Background, PictureKind
 from renderer.scene.picture_size import DPI_FIELD, MAX_SIDE, SIZE_FIELD, PaperSize
-from renderer.scene.schema import INVALID, Color, KeyText, TreeNode
+from renderer.scene.schema import INVALID, KeyText, TreeNode
 
 # The field of a file's name that the frame's number replaces, such as {frame:04}. Zeros before the number fill it to at
 # most nine digits, so that names sort in frame order.
@@ -33,11 +34,6 @@ _FILE_WORDS = (
     f"a {', '.join(FILM_SUFFIXES[:-1])} or {FILM_SUFFIXES[-1]}, frames such as frames/{{frame:04}}.png or .exr or, for "
     "one frame (--frames 7), still.png"
 )
-
-# The colours of a background at its top and at its bottom.
-Gradient = tuple[Color, Color]
-# The background of a picture; None is transparent.
-Background = Color | Gradient | None
 
 
 def _parse_file(node: TreeNode) -> Any:
@@ -96,40 +92,6 @@ _FRAME = schema.FieldType[Any](
     schema.read_frame,
     plain_schema=lambda _moves: {"type": ["integer", "string"]},
 )
-
-
-class PictureKind(NamedTuple):
-    """A kind of pictures, from which output files are made: their size, background and bit depth.
-
-    size: (width, height). depth: the bits of a channel, 8 or 16 for whole numbers, 32 for floats.
-    dpi: the resolution that files state, in pixels per inch; None if they state none.
-    """
-
-    size: tuple[int, int]
-    background: Background | Motion[Background]
-    depth: int
-    dpi: float | None = None
-
-    def at(self, frame: int) -> PictureKind:
-        """Return this kind of pictures with its background at a frame."""
-        return self._replace(background=self.background_at(frame))
-
-    def background_at(self, frame: int) -> Background:
-        """Return the background as it is at a frame."""
-        return value_at(self.background, frame)
-
-    @property
-    def name(self) -> str:
-        """Return a name that no other kind has: `256 x 256, transparent, 8 bits`."""
-        width, height = self.size
-        behind = f"background {self.background}"
-        return f"{width} x {height}, {'transparent' if self.background is None else behind}, {self.depth} bits"
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Return (height, width, channels) of the pictures, which are RGB, or RGBA if the background is transparent."""
-        width, height = self.size
-        return height, width, 4 if self.background is None else 3
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from itertools import combinations
 from pathlib import Path
@@ -19,6 +20,7 @@ from renderer.annotation import (
     frame_facts,
     label_points,
     named_labels,
+    ordered_names,
 )
 from renderer.draw import BrickRasterizer
 from renderer.frame import FilmAnnotation, Stage, prepare_stage, render_frames, view_of
@@ -153,16 +155,26 @@ def test_names_are_ordered_so_that_lines_cross_less() -> None:
     by_height = sorted(names, key=lambda each: points[0][each.number - 1][:, 2].mean(), reverse=True)
     plain = [each._replace(side=("left", "right")[k % 2], rank=k // 2) for k, each in enumerate(by_height)]
 
-    def crossings(named: list[NamedLabel]) -> int:
+    def places_of(named: list[NamedLabel]) -> Any:
         facts = film_facts(stage.scene, stage.layers, stage.scene.output.kind, sorted(named, key=lambda e: e.rank))
-        places, found = Annotator(stage.scene.annotation, facts).name_places, 0
-        for frame in range(8):
+        return Annotator(stage.scene.annotation, facts).name_places
+
+    def crossings(named: list[NamedLabel], frames: Iterable[int] = range(8)) -> int:
+        places, found = places_of(named), 0
+        for frame in frames:
             ends = find_anchors(named, points, stage.layers, view_of(stage, frame), 320)
             lines = [(complex(places[k].inner, places[k].row + 5), complex(*end)) for k, end in ends.items()]
             found += sum(_cross(a, b) for a, b in combinations(lines, 2))
         return found
 
     assert crossings(names) < crossings(plain)
+    starts = {key: (place.start[0] / 240, place.start[1] / 240) for key, place in places_of(names).items()}
+    last = {side: max(each.rank for each in names if each.side == side) for side in ("left", "right")}
+    upside_down = [each._replace(rank=last[each.side] - each.rank) for each in names]
+    stills = [ordered_names(upside_down, starts, points, stage.layers, [view_of(stage, k)]) for k in range(8)]
+    found = sum(crossings(each, [k]) for k, each in enumerate(stills))
+    assert found <= crossings(names) and found < crossings(upside_down)
+    assert {(each.text, each.side) for each in stills[0]} == {(each.text, each.side) for each in names}
 
 
 def _cross(one: tuple[complex, complex], other: tuple[complex, complex]) -> bool:
