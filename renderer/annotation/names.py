@@ -33,8 +33,8 @@ _MOST_AT_SIDE = 0.6
 # The cost of a line as long as the radius, or as a picture is high, in crossings: of orders with equally many
 # crossings, that with shorter lines is taken.
 _COST_OF_LENGTH = 0.1
-# The largest number of exchanges of two names that are tried.
-_MOST_EXCHANGES = 4000
+# The largest number of exchanges of two names that are tried. 16 names need 700; 89 names took 0.3 ms each.
+_MOST_EXCHANGES = 2000
 
 
 class NamedLabel(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.layers import Layer
 from renderer.view import View, are_clipped_away, place_clips
-from renderer.volume import Bools, Float64, Int64, UInt64, Volume, iter_slabs, kept_pass
+from renderer.volume import Bools, Float64, Int64, UInt64, Volume, iter_slabs
 
 # The number of points on the border of a label. The mean of 96 points of which a few come and go moves by less than a
 # pixel where the label is 60 pixels wide.
@@ -18,7 +18,8 @@ _POINTS_OF_LABEL = 96
 _LEAST_POINTS = 8
 # The number of points of all labels, so that a frame with many labels takes no longer than one with 42.
 _POINTS = 4096
-# The number of bytes of voxels that are looked at together.
+# The number of bytes of voxels that are looked at together. A pass took 5 ns a voxel at 33 million voxels of 104 labels,
+# and 25 ns at 4 million, where more of the first slabs are sorted.
 _SLAB_BYTES = 1 << 20
 # The largest number of places along a ray at which labels are looked up: one for each voxel, or fewer in large volumes.
 _MOST_STEPS = 256
@@ -35,17 +36,11 @@ def border_points(volume: Volume, num_labels: int) -> list[Float64]:
     value: the same voxels on every machine. volume: a volume of the labels 1 to `num_labels`.
     """
     most = min(max(_POINTS // max(num_labels, 1), _LEAST_POINTS), _POINTS_OF_LABEL)
-    kept = kept_pass(
-        "label-borders",
-        volume.values,
-        volume.source,
-        lambda: _border_voxels(volume, num_labels, most),
-        facts=(num_labels, most),
-    )
-    z, y, x = np.unravel_index(kept["index"], volume.values.shape)
+    index, label = _border_voxels(volume, num_labels, most)
+    z, y, x = np.unravel_index(index, volume.values.shape)
     affine = volume.world_from_index
     places = np.stack([x, y, z], axis=1) @ affine[:3, :3].T + affine[:3, 3]
-    ends = np.searchsorted(kept["label"], np.arange(1, num_labels + 2))
+    ends = np.searchsorted(label, np.arange(1, num_labels + 2))
     return [places[first:last] for first, last in pairwise(ends)]
 
 
@@ -69,7 +64,7 @@ def are_seen(layers: Sequence[Layer], view: View, points: Float64, owners: Int64
     return is_own
 
 
-def _border_voxels(volume: Volume, num_labels: int, most: int) -> dict[str, Int64]:
+def _border_voxels(volume: Volume, num_labels: int, most: int) -> tuple[Int64, Int64]:
     """Return the index and the label of at most this many voxels on the border of each label, by label."""
     values, plane, first = volume.values, volume.values[0].size, 0
     index, label, key = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0, np.uint64)
@@ -90,7 +85,7 @@ def _border_voxels(volume: Volume, num_labels: int, most: int) -> dict[str, Int6
         order = order[rank < most]
         index, label, key = index[order], label[order], key[order]
         first += len(slab)
-    return {"index": index, "label": label}
+    return index, label
 
 
 def _border(values: np.ndarray) -> Bools:
