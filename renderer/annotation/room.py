@@ -49,11 +49,10 @@ def taken_boxes(spec: AnnotationSpec, facts: AnnotationFacts, frames: Sequence[F
             right, bottom = column + sketches[key].width, row + sketches[key].height
             if sketches[key].width:
                 boxes[key] = Box(column / width, row / height, right / width, bottom / height)
-        # Each name takes the width of its column, so that the room does not depend on their order.
-        for (side, rank), place in annotator.name_places.items():
+        # A column of names takes its side of the picture over the whole height, so that no line crosses a name of it.
+        for (side, _), place in annotator.name_places.items():
             start, edge = (0, place.inner) if side == "left" else (place.inner, width)
-            bottom = place.row + len(place.line)
-            boxes[f"names.{side}.{rank}"] = Box(start / width, place.row / height, edge / width, bottom / height)
+            boxes[f"names.{side}"] = Box(start / width, 0.0, edge / width, 1.0)
     return boxes
 
 

@@ -18,8 +18,8 @@ _POINTS_OF_LABEL = 96
 _LEAST_POINTS = 8
 # The number of points of all labels, so that a frame with many labels takes no longer than one with 42.
 _POINTS = 4096
-# The number of bytes of voxels that are looked at together. A pass took 5 ns a voxel at 33 million voxels of 104 labels,
-# and 25 ns at 4 million, where more of the first slabs are sorted.
+# The number of bytes of voxels that are looked at together. A pass took 5 ns a voxel at 33 million voxels of 104
+# labels, and 25 ns at 4 million, where the first slabs, of which more is sorted, count for more.
 _SLAB_BYTES = 1 << 20
 # The largest number of places along a ray at which labels are looked up: one for each voxel, or fewer in large volumes.
 _MOST_STEPS = 256
