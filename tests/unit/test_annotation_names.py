@@ -77,6 +77,8 @@ def test_lines_end_where_their_label_is_seen_and_names_are_beside_the_object() -
                 for each in names:
                     if (anchor := anchors.get((each.side, each.rank))) is not None:
                         column, row = map(int, anchor)
+                        inner = [places[side, 0].inner for side in ("left", "right")]
+                        assert inner[0] < column < inner[1]  # so that the line crosses no name
                         color, alpha = frame.radiance[row, column, :3], frame.radiance[row, column, 3]
                         assert alpha > 0.3 and np.abs(color / alpha - each.color).max() < 0.3, (frame.number, each.text)
                         num_found += 1
