@@ -159,6 +159,7 @@ def _summary(scene: FilmScene, num_frames: int, costs: Forecast | None) -> list[
         ("error", _schedule(scene)),
         *(("output", _output_text(each, num_frames, costs if output.others else None)) for each in output.files),
         *(("note", note) for note in scene.import_notes),
+        *([("note", output.dpi_note)] if output.dpi_note is not None else []),
         *([("note", advice)] if (advice := _advice(scene)) is not None else []),
     ]
 

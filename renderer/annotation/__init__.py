@@ -9,7 +9,8 @@ whole numbers: the same bytes everywhere.
 - `annotator.py`: the entries, placed around the picture and drawn for each frame
 - `entries.py`: a drawing function for each kind of entry
 - `facts.py`: the facts about a film and about a frame that annotations show
-- `names.py`: the labels that are named beside the object, and the visible points that lines lead to
+- `names.py`: the labels that are named beside the object, their order, and the places that lines lead to
+- `seen_borders.py`: points on the borders of labels, and the points that a picture shows
 - `numbers.py`: round numbers, ticks and units
 - `sketch.py`: masks, joined and coloured, with a rim, and put over a picture
 - `text.py`: lines of text, in the font of `fonts/` (DejaVu Sans, with its licence) or in another

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,7 +67,7 @@ def draw_text(_: EntrySpec, pen: Pen, px: int, text: str) -> Sketch:
 
 def draw_scale_bar(spec: EntrySpec, pen: Pen, px: int, world_per_pixel: float) -> Sketch:
     """Draw a scale bar of a round length, with the length above it; in perspective, it holds at the camera's target."""
-    length = round_below(_MAX_BAR * pen.facts.size[0] * world_per_pixel)
+    length = _bar_length(pen, world_per_pixel)
     width, whole = max(round(float(length) / world_per_pixel), 1), Sketch()
     line = pen.font.line(length_text(length, pen.facts.unit), px)
     whole.draw(line.mask, 0, 0)
@@ -77,6 +77,10 @@ def draw_scale_bar(spec: EntrySpec, pen: Pen, px: int, world_per_pixel: float) -
     left = max(whole.width - width, 0) if spec.position.endswith("right") else 0
     whole.fill(line.baseline + max(2, px // 4), left, max(2, px // 6), width)
     return whole
+
+
+def _bar_length(pen: Pen, world_per_pixel: float) -> Decimal:
+    return round_below(_MAX_BAR * pen.facts.size[0] * world_per_pixel)
 
 
 def draw_color_bars(spec: ColorBarSpec, pen: Pen, px: int, _: object) -> Sketch:
@@ -162,17 +166,40 @@ def _read_logo(file: Path, height: int) -> UInt8:
     return np.array(scaled)
 
 
-# The entries of an annotation, each by its key with two functions. The first returns the content of the entry on a
-# frame. The second draws the entry from the entry's keys in the scene, a pen, a size in pixels, and this content.
-DRAWERS: dict[str, tuple[Callable[[Any, FrameFacts], Any], Callable[[Any, Pen, int, Any], Sketch]]] = {
-    "title": (lambda spec, frame: spec.text, draw_text),
-    "logo": (lambda spec, frame: None, draw_logo),
-    "time": (lambda spec, frame: fill_format(spec.format, frame.numbers), draw_text),
-    "legend": (lambda spec, frame: None, draw_legend),
-    "color_bar": (lambda spec, frame: None, draw_color_bars),
-    "scale_bar": (lambda spec, frame: frame.world_per_pixel, draw_scale_bar),
-    "accuracy": (lambda spec, frame: frame.accuracy, draw_text),
-    "orientation": (lambda spec, frame: frame.axes, draw_orientation),
+def _text_width(_: Pen, text: str) -> float:
+    return len(text)
+
+
+def _bar_width(pen: Pen, world_per_pixel: float) -> float:
+    return float(_bar_length(pen, world_per_pixel)) / world_per_pixel
+
+
+def _same_width(_: Pen, __: object) -> float:
+    return 0.0
+
+
+class Drawer(NamedTuple):
+    """The functions that draw an entry of an annotation.
+
+    find: the content of the entry on a frame, from the entry's keys in the scene. draw: a drawing, from the keys, a
+    pen, a size in pixels, and this content. width: a number that is larger for a content whose drawing is wider.
+    """
+
+    find: Callable[[Any, FrameFacts], Any]
+    draw: Callable[[Any, Pen, int, Any], Sketch]
+    width: Callable[[Pen, Any], float] = _same_width
+
+
+# The drawers of the entries of an annotation, by key.
+DRAWERS = {
+    "title": Drawer(lambda spec, frame: spec.text, draw_text),
+    "logo": Drawer(lambda spec, frame: None, draw_logo),
+    "time": Drawer(lambda spec, frame: fill_format(spec.format, frame.numbers), draw_text, _text_width),
+    "legend": Drawer(lambda spec, frame: None, draw_legend),
+    "color_bar": Drawer(lambda spec, frame: None, draw_color_bars),
+    "scale_bar": Drawer(lambda spec, frame: frame.world_per_pixel, draw_scale_bar, _bar_width),
+    "accuracy": Drawer(lambda spec, frame: frame.accuracy, draw_text, _text_width),
+    "orientation": Drawer(lambda spec, frame: frame.axes, draw_orientation),
 }
 
 

@@ -41,22 +41,18 @@ def taken_boxes(spec: AnnotationSpec, facts: AnnotationFacts, frames: Sequence[F
     """
     boxes, (width, height) = dict[str, Box](), facts.size
     with suppress(InputError):
-        annotator = Annotator(spec, facts)
-        for frame in frames:
-            sketches = dict[str, Sketch]()
-            for key in spec.entries:
-                with suppress(InputError):
-                    sketches[key] = annotator.sketch(key, frame)
-            for key, (row, column) in annotator.places(sketches).items():
-                right, bottom = column + sketches[key].width, row + sketches[key].height
-                if sketches[key].width:
-                    box = Box(column / width, row / height, right / width, bottom / height)
-                    boxes[key] = box.joined(boxes.get(key, box))
-        for (side, rank), place in annotator.name_places().items():
-            right, bottom = place.column + place.line.shape[1], place.row + len(place.line)
-            edge = right if side == "left" else width
-            start = 0 if side == "left" else place.column
-            boxes[f"names.{side}.{rank}"] = Box(start / width, place.row / height, edge / width, bottom / height)
+        annotator, sketches = Annotator(spec, facts), dict[str, Sketch]()
+        for key in spec.entries:
+            with suppress(InputError):
+                sketches[key] = annotator.sketch(key, annotator.widest(key, frames))
+        for key, (row, column) in annotator.places(sketches).items():
+            right, bottom = column + sketches[key].width, row + sketches[key].height
+            if sketches[key].width:
+                boxes[key] = Box(column / width, row / height, right / width, bottom / height)
+        # A column of names takes its side of the picture over the whole height, so that no line crosses a name of it.
+        for (side, _), place in annotator.name_places.items():
+            start, edge = (0, place.inner) if side == "left" else (place.inner, width)
+            boxes[f"names.{side}"] = Box(start / width, 0.0, edge / width, 1.0)
     return boxes
 
 

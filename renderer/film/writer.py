@@ -67,8 +67,8 @@ def open_films(
 
 
 def film_notes(output: OutputSpec) -> list[str]:
-    """Return notes on formats that cannot have the requested frame rate, and on outputs smaller than the first."""
-    notes = []
+    """Return notes on formats that cannot have the frame rate or the dpi, and on outputs smaller than the first."""
+    notes = [output.dpi_note] if output.dpi_note is not None else []
     for each in output.files:
         rate = frame_rate(each)
         if each.format.ticks_per_second and abs(rate - each.frames_per_second) >= 0.005:

@@ -16,10 +16,12 @@ from renderer.annotation import (
     LEAST_SHARE,
     Box,
     FrameFacts,
+    LabelPoints,
     NamedLabel,
     film_facts,
     frame_facts,
     free_rooms,
+    label_points,
     named_labels,
     taken_boxes,
 )
@@ -61,8 +63,8 @@ _MOST_SAMPLED_CAMERAS = 1000
 _MAX_SIDE_OF_SMALL = 24
 # The PSNR in decibels with which the annotation is tried, before the accuracy is known. No PSNR makes a wider text.
 WIDEST_PSNR = 100.0
-# The largest number of frames on which the annotation is tried before a film is drawn.
-_MOST_TRIED = 9
+# The largest number of frames on which the annotation is tried before a film is drawn. It took 0.3 ms a frame.
+_MOST_TRIED = 500
 # The largest number of times that the room beside the annotation is found. Each time, entries such as a scale bar fit
 # the distance that the room before led to. Five scenes took two or three times.
 _MOST_ROUNDS = 6
@@ -143,8 +145,9 @@ def _room_beside(
     annotation, room, distance = scene.at(0).annotation, WHOLE_PICTURE, fit(WHOLE_PICTURE)
     taken: dict[str, Box] = {}
     is_beside = annotation.has_patches and annotation.layout == "beside" and not _is_flight(camera.path)
+    names = names_of(scene, layers)[0] if is_beside else []
     for _ in range(_MOST_ROUNDS if is_beside else 0):
-        now = taken | _taken(scene, layers, replace(camera, distance=distance, shift=room.shift), taken)
+        now = _taken(scene, layers, names, replace(camera, distance=distance, shift=room.shift), taken)
         if now == taken:
             break
         taken = now
@@ -166,13 +169,19 @@ def _is_flight(path: CameraPath) -> bool:
     )
 
 
-def _taken(scene: FilmScene, layers: Sequence[Layer], camera: CameraSpec, before: dict[str, Box]) -> dict[str, Box]:
+def _taken(
+    scene: FilmScene,
+    layers: Sequence[Layer],
+    names: Sequence[NamedLabel],
+    camera: CameraSpec,
+    before: dict[str, Box],
+) -> dict[str, Box]:
     """Return the box of each entry of the annotation in the pictures of all kinds, joined with its box `before`.
 
-    camera: the camera of the first frame, framed.
+    names: the labels that are named beside the object. camera: the camera of the first frame, framed.
     """
     assert isinstance(camera.target, tuple) and camera.distance is not None
-    found, num_frames, names = dict(before), scene.num_frames, names_of(scene, layers)
+    found, num_frames = dict(before), scene.num_frames
     for kind in scene.output.kinds:
         facts, shown = film_facts(scene.at(0), layers, kind.at(0), names), list[FrameFacts]()
         for frame in tried_frames(range(num_frames)):
@@ -190,18 +199,21 @@ def _taken(scene: FilmScene, layers: Sequence[Layer], camera: CameraSpec, before
     return found
 
 
-def names_of(scene: FilmScene, layers: Sequence[Layer]) -> list[NamedLabel]:
-    """Return the labels that the annotation of a film names beside the object. layers: those of a frame."""
+def names_of(scene: FilmScene, layers: Sequence[Layer]) -> tuple[list[NamedLabel], LabelPoints]:
+    """Return the labels that the annotation of a film names, and points on all labels. layers: of the first frame."""
     first = scene.at(0)
-    return named_labels(layers, first.camera.path, first.annotation.name_sides) if first.annotation.names else []
+    if first.annotation.names is None:
+        return [], ()
+    points = label_points(layers)
+    return named_labels(layers, points, first.camera.path, first.annotation.name_sides), points
 
 
 def tried_frames(frames: Sequence[int]) -> list[int]:
     """Return the frames on which the annotation is tried before a film is drawn, with the first and the last."""
-    return _spread(frames, _MOST_TRIED)
+    return spread(frames, _MOST_TRIED)
 
 
-def _spread(frames: Sequence[int], most: int) -> list[int]:
+def spread(frames: Sequence[int], most: int) -> list[int]:
     """Return at most this number of frames, evenly spread, with the first and the last."""
     num = min(most, len(frames))
     return [frames[k * (len(frames) - 1) // max(1, num - 1)] for k in range(num)]
@@ -257,4 +269,4 @@ def _sampled(scene: FilmScene, num: int) -> list[int]:
     if not scene.moves:
         return [0]
     frames = sorted({0, *scene.key_frames, *range(0, scene.num_frames, max(1, scene.num_frames // num))})
-    return _spread(frames, num)
+    return spread(frames, num)

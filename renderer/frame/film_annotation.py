@@ -9,22 +9,27 @@ from functools import lru_cache
 import numpy as np
 
 from renderer.annotation import (
+    NUM_FRAMES,
     AnnotationFacts,
     Annotator,
+    LabelPoints,
     NamedLabel,
     annotation_problems,
     draw_annotation,
     film_facts,
     find_anchors,
     frame_facts,
+    label_points,
     length_unit,
+    ordered_names,
 )
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
-from renderer.frame.camera_framing import WIDEST_PSNR, names_of, tried_frames
+from renderer.frame.camera_framing import WIDEST_PSNR, names_of, spread, tried_frames
 from renderer.frame.stage import FilmStage, Stage, view_of
 from renderer.layers import Layer
 from renderer.scene import PictureKind, join_words, raise_problems
+from renderer.view import View
 from renderer.volume import Bools, Float32
 
 
@@ -36,7 +41,20 @@ class FilmAnnotation:
         # Annotators are kept, because each one keeps the drawings that do not change from frame to frame.
         self._annotator = lru_cache(len(self._output.kinds))(Annotator)
         self._facts: tuple[FilmStage, dict[PictureKind, AnnotationFacts]] = film, {}
-        self._names: tuple[Sequence[Layer], Sequence[NamedLabel]] = (), ()
+        self._names, points = names_of(film.scene, film.layers)
+        if self._names:
+            self._names = self._ordered(self._names, points)
+        # The points of the layers that were drawn last: layers change where a volume moves, or its labels do.
+        self._points: tuple[Sequence[Layer], LabelPoints] = film.layers, points
+
+    def _ordered(self, names: Sequence[NamedLabel], points: LabelPoints) -> list[NamedLabel]:
+        """Return names in the order with the fewest crossings of lines in pictures of the first kind."""
+        film, kind = self._film, self._output.kind
+        facts = film_facts(film.first.scene, film.layers, kind.at(0), names)
+        places, height = Annotator(film.first.scene.annotation, facts).name_places, kind.size[1]
+        starts = {key: (place.start[0] / height, place.start[1] / height) for key, place in places.items()}
+        views = [_view_before(film, frame) for frame in spread(range(film.scene.num_frames), NUM_FRAMES)]
+        return ordered_names(names, starts, points, film.layers, views)
 
     def draw(self, image: Float32, kind: PictureKind, stage: Stage, frame: int, psnr: float | None) -> None:
         """Draw the annotation over a picture of a frame, float32 [h, w, 4].
@@ -47,15 +65,16 @@ class FilmAnnotation:
         if stage is not self._facts[0]:
             self._facts = stage, {}
         known = self._facts[1]
-        if stage.layers is not self._names[0]:
-            self._names = stage.layers, names_of(self._film.scene, stage.layers)
-        names = self._names[1]
         if kind not in known:
-            known[kind] = film_facts(stage.scene, stage.layers, kind, names)
+            known[kind] = film_facts(stage.scene, stage.layers, kind, self._names)
         annotator = self._annotator(stage.scene.annotation, known[kind])
         view = view_of(stage, frame)
         facts = frame_facts(self._film.scene, stage.layers, view, frame, kind)
-        facts = replace(facts, anchors=find_anchors(names, stage.layers, view, kind.size[0]))
+        if self._names:
+            if stage.layers is not self._points[0]:
+                self._points = stage.layers, label_points(stage.layers)
+            anchors = find_anchors(self._names, self._points[1], stage.layers, view, kind.size[0])
+            facts = replace(facts, anchors=anchors)
         patches = annotator.patches(facts.with_accuracy(psnr))
         draw_annotation(image, patches, is_linear=stage.scene.light is not None)
 
@@ -82,21 +101,24 @@ def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
     if not annotation.has_patches:
         return
     problems: list[Problem] = []
-    names = names_of(film.scene, film.layers)
+    names, _ = names_of(film.scene, film.layers)
     for kind in film.scene.output.kinds:
         shown = []
         for frame in tried_frames(frames):
-            # The layers of the first frame stand for the layers of all frames, which would take a while to make.
-            scene = film.scene.at(frame)
-            stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
-            view = view_of(stage, frame)
-            shown.append(frame_facts(film.scene, stage.layers, view, frame, kind).with_accuracy(WIDEST_PSNR))
+            view = _view_before(film, frame)
+            shown.append(frame_facts(film.scene, film.layers, view, frame, kind).with_accuracy(WIDEST_PSNR))
         facts = film_facts(film.first.scene, film.layers, kind.at(0), names)
         for problem in annotation_problems(annotation, facts, shown):
             files = [each.file.name for each in film.scene.output.files if each.kind == kind]
             where = f", in {join_words(files, 'and')}" if film.scene.output.others else ""
             problems.append(replace(problem, what=problem.what + where))
     raise_problems(problems)
+
+
+def _view_before(film: FilmStage, frame: int) -> View:
+    """Return the view of a frame before its layers are made, which takes a while: with those of the first frame."""
+    scene = film.scene.at(frame)
+    return view_of(replace(film.first, scene=scene, distance=scene.camera.distance or film.distance), frame)
 
 
 def annotation_notes(stage: FilmStage) -> Iterator[str]:

@@ -13,6 +13,7 @@ Its field types also check sidecars and golden records. Importing it imports no 
   `splat_section.py`, `shading_section.py`, `light_section.py`, `fog_section.py`, `mode_section.py`, `clip_section.py`,
   `labels_section.py` (and masks), `layers_section.py` (volumes and their looks, `LayerSpec`), `annotation_section.py`
   (with the formats of texts) and `output_section.py`.
+- `picture_kind.py`: the size, background and depth of pictures that several files may share.
 - `picture_size.py`: the size of pictures, in pixels or in print.
 - `output_formats.py`: the table of all formats of pictures and films.
 - `level_choice.py`: the choice of a level of a store, and its sentence.

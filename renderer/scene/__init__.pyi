@@ -126,14 +126,13 @@ from .output_section import (
     MAX_QUALITY as MAX_QUALITY,
     OUTPUT_FILE_FIELD as OUTPUT_FILE_FIELD,
     OUTPUT_SECTION as OUTPUT_SECTION,
-    Background as Background,
     OutputFile as OutputFile,
     OutputSpec as OutputSpec,
-    PictureKind as PictureKind,
     first_output as first_output,
     only_output as only_output,
     outputs_of as outputs_of,
 )
+from .picture_kind import Background as Background, PictureKind as PictureKind
 from .scene_file import (
     TreeEditor as TreeEditor,
     edit_scene_content as edit_scene_content,

@@ -146,11 +146,13 @@ class LogoSpec(EntrySpec):
 class NamesSpec:
     """The names of labels at the sides of the picture, with lines to their labels.
 
-    size, color: as of an entry.
+    size, color: as of an entry. Without a size, names are smaller than texts if they do not fit otherwise.
     """
 
     size: Annotated[
-        float | None, _SIZE, KeyText("The height of names, as a share of the picture's.", "that of all texts", "0.03")
+        float | None,
+        _SIZE,
+        KeyText("The height of names, as a share of the picture's.", "that of all texts, or less", "0.03"),
     ] = None
     color: Annotated[Color | Literal["auto"], _COLOR, KeyText("The color of names; `auto`: that of all entries.")] = (
         "auto"

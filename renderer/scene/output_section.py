@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
@@ -15,8 +15,9 @@ from renderer.scene.input_file import place_name, place_of
 from renderer.scene.message_text import did_you_mean, format_value, join_words
 from renderer.scene.motion import Motion, at_keys, value_at
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
+from renderer.scene.picture_kind import Background, PictureKind
 from renderer.scene.picture_size import DPI_FIELD, MAX_SIDE, SIZE_FIELD, PaperSize
-from renderer.scene.schema import INVALID, Color, KeyText, TreeNode
+from renderer.scene.schema import INVALID, KeyText, TreeNode
 
 # The field of a file's name that the frame's number replaces, such as {frame:04}. Zeros before the number fill it to at
 # most nine digits, so that names sort in frame order.
@@ -33,11 +34,6 @@ _FILE_WORDS = (
     f"a {', '.join(FILM_SUFFIXES[:-1])} or {FILM_SUFFIXES[-1]}, frames such as frames/{{frame:04}}.png or .exr or, for "
     "one frame (--frames 7), still.png"
 )
-
-# The colours of a background at its top and at its bottom.
-Gradient = tuple[Color, Color]
-# The background of a picture; None is transparent.
-Background = Color | Gradient | None
 
 
 def _parse_file(node: TreeNode) -> Any:
@@ -96,40 +92,6 @@ _FRAME = schema.FieldType[Any](
     schema.read_frame,
     plain_schema=lambda _moves: {"type": ["integer", "string"]},
 )
-
-
-class PictureKind(NamedTuple):
-    """A kind of pictures, from which output files are made: their size, background and bit depth.
-
-    size: (width, height). depth: the bits of a channel, 8 or 16 for whole numbers, 32 for floats.
-    dpi: the resolution that files state, in pixels per inch; None if they state none.
-    """
-
-    size: tuple[int, int]
-    background: Background | Motion[Background]
-    depth: int
-    dpi: float | None = None
-
-    def at(self, frame: int) -> PictureKind:
-        """Return this kind of pictures with its background at a frame."""
-        return self._replace(background=self.background_at(frame))
-
-    def background_at(self, frame: int) -> Background:
-        """Return the background as it is at a frame."""
-        return value_at(self.background, frame)
-
-    @property
-    def name(self) -> str:
-        """Return a name that no other kind has: `256 x 256, transparent, 8 bits`."""
-        width, height = self.size
-        behind = f"background {self.background}"
-        return f"{width} x {height}, {'transparent' if self.background is None else behind}, {self.depth} bits"
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Return (height, width, channels) of the pictures, which are RGB, or RGBA if the background is transparent."""
-        width, height = self.size
-        return height, width, 4 if self.background is None else 3
 
 
 @dataclass(frozen=True)
@@ -246,6 +208,11 @@ class OutputFile:
         return at_zero - per_step * self.quality
 
     @property
+    def states_dpi(self) -> bool:
+        """Return whether files of the format have a place for a resolution."""
+        return self.is_frames or self.chosen_codec.has_dpi
+
+    @property
     def kind(self) -> PictureKind:
         """Return the kind of pictures from which the output is made."""
         pixel_format = self.chosen_pixel_format
@@ -257,8 +224,12 @@ class OutputFile:
         return self._keys()
 
     def _keys(self) -> dict[str, object]:
-        """Return the keys of this file with their values, as a scene file has them. `every: 1` is left out."""
+        """Return the keys of this file with their values, as a scene file has them.
+
+        `every: 1` is left out, and a dpi that the file cannot state.
+        """
         values = {each.name: getattr(self, each.name) for each in fields(OutputFile)}
+        values["dpi"] = self.dpi if self.states_dpi else None
         given = {key: value for key, value in values.items() if value is not None and (key, value) != ("every", 1)}
         return given | {"background": at_keys(_written_background, self.background)}
 
@@ -289,6 +260,15 @@ class OutputSpec(OutputFile):
     def kinds(self) -> tuple[PictureKind, ...]:
         """Return the kinds of pictures of all outputs, each once; the first output's kind comes first."""
         return tuple(dict.fromkeys(each.kind for each in self.files))
+
+    @property
+    def dpi_note(self) -> str | None:
+        """Return a note on a dpi that none of the files can state; None without one."""
+        without = [each for each in self.files if each.dpi is not None]
+        if not without or any(each.states_dpi for each in without):
+            return None
+        names = join_words([each.file.name for each in without], "and")
+        return f"{names} cannot state {without[0].dpi:g} dpi: PNG, APNG and EXR files have a place for it"
 
     def shown(self, frames: Sequence[int]) -> list[OutputFile]:
         """Return the outputs that show any of these frames."""

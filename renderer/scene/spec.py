@@ -27,7 +27,8 @@ from renderer.scene.light_section import LightSpec
 from renderer.scene.message_text import format_value
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec
 from renderer.scene.motion import OverFrames, is_plain, values_at
-from renderer.scene.output_section import OUTPUT_SECTION, Background, OutputSpec
+from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec
+from renderer.scene.picture_kind import Background
 from renderer.scene.shading_section import ShadingSpec
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec
 from renderer.scene.transfer_section import LABELS_FIELD, TRANSFER_FUNCTION_SECTION

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from film_stages import PLAIN
 
-from renderer.annotation import Box, free_rooms
+from renderer.annotation import AnnotationFacts, Annotator, Box, FrameFacts, free_rooms, taken_boxes
 from renderer.draw import BrickRasterizer
 from renderer.errors import SceneError
 from renderer.frame import FilmAnnotation, FilmStage, prepare_stage, render_frames
@@ -101,3 +101,14 @@ def test_an_annotation_without_room_for_the_object_is_an_error() -> None:
         stage_of({"title": {"text": "Wide", "size": 0.45}, "time": {"position": "bottom", "size": 0.3}})
     (problem,) = caught.value.problems
     assert problem.path == "annotation" and "no room" in problem.what and "layout: over" in (problem.hint or "")
+
+
+def test_the_room_is_free_of_the_widest_entries_of_all_frames() -> None:
+    spec = scene_of({"time": "{seconds:.3g} s", "scale_bar": True}).at(0).annotation
+    facts = AnnotationFacts((320, 240))
+    frames = [FrameFacts(k, k / 3, world_per_pixel=0.01 + 0.001 * k) for k in range(40)]
+    annotator, boxes = Annotator(spec, facts), taken_boxes(spec, facts, frames)
+    assert annotator.widest("time", frames).frame == 1  # 0.333 s
+    for key in ("time", "scale_bar"):
+        widths = [annotator.sketch(key, frame).width for frame in frames]
+        assert max(widths) == round(320 * (boxes[key].right - boxes[key].left)) > min(widths)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from film_stages import PLAIN
 from PIL import Image
 
 from renderer.errors import SceneError
-from renderer.film import Picture
+from renderer.film import Picture, film_notes
 from renderer.scene import OutputSpec, parse_scene, scene_to_dict
 
 
@@ -52,6 +53,23 @@ def test_further_outputs_have_the_same_printed_size() -> None:
     keyed = output_of({"size": {"width": "2 in", "height": "1 in"}, "dpi": 100}, {}, {"size": [100, 50]})
     assert [each.dpi for each in keyed.files] == [100, 100, 50]
     assert len(keyed.kinds) == 2
+
+
+def test_a_dpi_without_a_place_is_told_once_and_not_recorded() -> None:
+    def output(*files: str) -> OutputSpec:
+        given = [{"file": file, "dpi": 300} for file in files]
+        return parse_scene(scene_to_dict(PLAIN) | {"output": given}, base=Path()).output
+
+    for suffix in ("mp4", "webm", "webp", "avif", "gif", "mov"):
+        (note,) = (each for each in film_notes(output(f"film.{suffix}", "b.mp4")) if "dpi" in each)
+        assert note.startswith(f"film.{suffix} and b.mp4 cannot state 300 dpi")
+        written: Any = scene_to_dict(replace(PLAIN, output=output(f"film.{suffix}")))["output"]
+        assert "dpi" not in written
+    for files in (("a.apng",), ("{frame}.exr",), ("film.mp4", "{frame}.png")):
+        assert film_notes(output(*files)) == []
+        again = parse_scene(scene_to_dict(replace(PLAIN, output=output(*files))), base=Path()).output
+        assert again.files[-1].dpi == 300
+    assert film_notes(PLAIN.output) == []
 
 
 @pytest.mark.parametrize("depth", ["uint8", "uint16"])

@@ -127,7 +127,8 @@ SECTIONS = {
         error=ErrorSpec(scheduled((0, 0.5), (7, 1 / 3), (8, 0.0)), "rms", "scalar", 2),
         splat=SplatSpec("gouraud", 0.5, 7, 4, ((0.0, 1.0), (0.1, 0.5), (1.0, 0.0)), False, "boxes"),
         pyramid=PyramidSpec("opacity", "single"),
-        annotation=AnnotationSpec(octree=True), output=OutputSpec(Path("{frame}.png"), (7, 9), background=None)),
+        annotation=AnnotationSpec(octree=True),
+        output=OutputSpec(Path("{frame}.png"), (7, 9), background=None, dpi=300.5)),
     "raw": Scene(
         layers=(
             LayerSpec(
@@ -138,7 +139,7 @@ SECTIONS = {
         error=ErrorSpec(goal=SplatBudget(scheduled((0, 1000), (8, 10_000)))),
         output=OutputSpec(
             Path("a.mp4"), (512, 512), 12.5, (0.1, 0.2, 0.3), 3.3, codec="hevc", crf=9.5,
-            pixel_format="yuv420p10", dpi=300.5)),
+            pixel_format="yuv420p10")),
     "procedural": Scene(
         layers=(
             LayerSpec(
