@@ -52,8 +52,8 @@ TARGETS = {
     "macos-aarch64": "aarch64-macos.11.0",
 }
 # The flags of the compiler in every build. Without fused products and sums, and without fast mathematics,
-# results have the same bytes at every level. Without -g0, objects are ten times larger. Wide integers are for tables that
-# the compiler computes (base/maths.h): on aarch64, clang has none of more than 128 bits unless it is told so.
+# results have the same bytes at every level. Without -g0, objects are ten times larger. Wide integers are for
+# tables that the compiler computes (base/maths.h): clang for aarch64 has none of more than 128 bits unless it is told.
 _FLAGS = (
     *("-c", "-x", "c++", "-std=c++20", "-O3", "-g0", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off"),
     *("-fno-math-errno", "-fno-trapping-math", "-fwrapv", "-fno-exceptions", "-fno-rtti", "-fno-stack-protector"),
