@@ -22,10 +22,21 @@ from hsplat_cli.scenes import (
     volume_spec,
 )
 from hsplat_cli.terminal import OutputPath, Reporter, VolumePath
-from hsplat_cli.turntable import FilmRequest, Gallery, make_film, make_requested_films, require_harmless, run_batch
+from hsplat_cli.turntable import (
+    FilmRequest,
+    Gallery,
+    make_film,
+    make_requested_films,
+    require_harmless,
+    require_own_folder,
+    run_batch,
+)
 from renderer.errors import InputError
 from renderer.scene import FORMATS
 from renderer.suggest import FilmOptions
+
+# The folder of scenes and films where `--output` names none, in the current folder.
+_DEFAULT_FOLDER = "films"
 
 
 @click.command()
@@ -35,7 +46,8 @@ from renderer.suggest import FilmOptions
     "--output",
     "folder",
     type=OutputPath(file_okay=False),
-    required=True,
+    default=_DEFAULT_FOLDER,
+    show_default=True,
     metavar="FOLDER",
     help="Write scenes and films into this folder.",
 )
@@ -86,7 +98,8 @@ def turntable(
 
     Each VOLUME is a file, a folder of slices or of volumes, a pattern such as 'scans/*.nrrd', or the URL of a store.
     FOLDER gets NAME.yaml, a scene with a transfer function that suits the values, to be edited; NAME.mp4;
-    turntable.json, which lists the result for each volume; and index.html, which shows all films. A volume that fails
+    turntable.json, which lists the result for each volume; and index.html, which shows all films. Without -o it is
+    'films', unless a folder of this name has other files than those of earlier turntables. A volume that fails
     does not stop the others; the exit code is then 1, or 2 if wrong inputs and locked outputs were the only reasons.
 
     With --scene all films have the look of a scene, each framed on its own. Its values may be percentiles (relative:
@@ -121,6 +134,8 @@ def turntable(
     if connection is not None:
         make_requested_films(*connection, request_of, reporter)
         return
+    if click.get_current_context().get_parameter_source("folder") is ParameterSource.DEFAULT:
+        require_own_folder(folder)
     requests = [request_of(film_name, volume) for film_name, volume in _named_volumes(volumes, reporter).items()]
     require_harmless(requests)
     if len(requests) > 1:

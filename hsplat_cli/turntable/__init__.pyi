@@ -2,6 +2,7 @@ from .batch import run_batch as run_batch
 from .film_process import make_requested_films as make_requested_films
 from .film_request import FilmRequest as FilmRequest, require_harmless as require_harmless
 from .gallery import Gallery as Gallery
+from .manifest import require_own_folder as require_own_folder
 from .one_film import make_film as make_film
 
 # isort: split

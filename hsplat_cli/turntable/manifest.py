@@ -16,9 +16,9 @@ from typing import Annotated, Any, Final, Literal
 
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import HsplatError, InputError, OutputLockedError, RenderError
-from renderer.film import lock_slots
+from renderer.film import lock_slots, translate_os_errors
 from renderer.record import RecordFile, field_types as types, record_to_json
-from renderer.scene import counted, found_path, is_url, schema
+from renderer.scene import counted, found_path, is_url, join_some, schema
 
 MANIFEST_FILE = "turntable.json"
 LOCK_FILE = f".{MANIFEST_FILE}.lock"
@@ -185,6 +185,20 @@ def locked_manifest(folder: Path, reporter: Reporter, timeout_s: float) -> Itera
                     reporter.warning(f"{file}: waiting for {error.got or 'another process'}")
             time.sleep(_POLL_INTERVAL_S)
         yield
+
+
+def require_own_folder(folder: Path) -> None:
+    """Raise InputError if a folder has files, hidden ones apart, and no turntable.json: hsplat has not made it."""
+    with translate_os_errors(folder):
+        names = sorted(name for name in os.listdir(folder) if name[0] != ".") if folder.is_dir() else []
+    if names and MANIFEST_FILE not in names:
+        raise InputError(
+            "this folder has files, and hsplat has not made films in it",
+            where=str(folder),
+            got=join_some(names),
+            expected=f"a new folder, an empty one, or one with {MANIFEST_FILE}",
+            hint=f"`-o {folder}` writes into it all the same, `-o FOLDER` into another one",
+        )
 
 
 def read_films(folder: Path) -> dict[str, FilmEntry]:

@@ -43,7 +43,7 @@ void handle(int number, siginfo_t* information, void*) {
 #endif
 
 // Install the handler of SIGBUS.
-Status guard_regions(const GuardRegions* arguments) {
+Status guard_regions([[maybe_unused]] const GuardRegions* arguments) {
 #ifdef __linux__
     guarded = *arguments;
     struct sigaction action = {};

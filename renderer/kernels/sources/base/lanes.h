@@ -60,8 +60,8 @@ INLINE Vector<float, NUM> fused(Vector<float, NUM> x, Vector<float, NUM> y, Vect
     Doubles of_product = sum - addend, error = (product - of_product) + (addend - (sum - of_product));
     Longs bits;
     __builtin_memcpy(&bits, &sum, sizeof bits);
-    Longs is_inexact = (error < 0.0) | (error > 0.0);
-    Longs towards = ((error > 0.0) ^ (sum > 0.0)) | 1;  // 1 moves the sum away from 0, -1 towards 0
+    Longs is_inexact = (Longs)((error < 0.0) | (error > 0.0));
+    Longs towards = (Longs)((error > 0.0) ^ (sum > 0.0)) | 1;  // 1 moves the sum away from 0, -1 towards 0
     bits += is_inexact & ~(-(bits & 1)) & towards;
     __builtin_memcpy(&sum, &bits, sizeof sum);
     return __builtin_convertvector(sum, Vector<float, NUM>);

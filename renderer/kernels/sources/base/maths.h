@@ -13,30 +13,40 @@
 
 namespace maths {
 
-// A float of 113 bits, used only while compiling.
-#if __LDBL_MANT_DIG__ == 113
-using Quad = long double;
-#else
-using Quad = __float128;
-#endif
+// A number with 140 bits after the point, used only while compiling: macOS lacks floats of 113 bits.
+struct Exact {
+    static constexpr int NUM_PLACES = 140;
+    using Bits = _BitInt(320);
+    // The number times 2^140, rounded down.
+    Bits bits;
 
-consteval Quad quad_exp(Quad x) {
-    Quad sum = 1, term = 1;
-    for (int n = 1; n < 30; n++) term *= x / n, sum += term;
+    consteval Exact(double number) : bits((Bits)(number * 0x1p140)) {}
+    consteval Exact(Bits bits) : bits(bits) {}
+    consteval operator double() const { return (double)bits * 0x1p-140; }
+    consteval Exact operator-() const { return -bits; }
+    friend consteval Exact operator+(Exact a, Exact b) { return a.bits + b.bits; }
+    friend consteval Exact operator-(Exact a, Exact b) { return a.bits - b.bits; }
+    friend consteval Exact operator*(Exact a, Exact b) { return (a.bits * b.bits) >> NUM_PLACES; }
+    friend consteval Exact operator/(Exact a, Exact b) { return (a.bits << NUM_PLACES) / b.bits; }
+};
+
+consteval Exact exact_exp(Exact x) {
+    Exact sum = 1.0, term = 1.0;
+    for (int n = 1; n < 30; n++) term = term * x / Exact((double)n), sum = sum + term;
     return sum;
 }
 
-consteval Quad quad_log(Quad x) {
-    Quad ratio = (x - 1) / (x + 1), power = ratio, sum = 0;
-    for (int n = 1; n < 80; n += 2) sum += power / n, power *= ratio * ratio;
-    return 2 * sum;
+consteval Exact exact_log(Exact x) {
+    Exact ratio = (x - Exact(1.0)) / (x + Exact(1.0)), power = ratio, sum = 0.0;
+    for (int n = 1; n < 80; n += 2) sum = sum + power / Exact((double)n), power = power * ratio * ratio;
+    return Exact(2.0) * sum;
 }
 
-constexpr Quad LOG_2 = quad_log(2);
+constexpr Exact LOG_2 = exact_log(2.0);
 
 // Return the multiple of `unit`, a power of two, that is nearest to x.
-consteval double rounded(Quad x, double unit) {
-    double places = (double)(x / unit);
+consteval double rounded(Exact x, double unit) {
+    double places = x / Exact(unit);
     return (double)(int64_t)(places < 0 ? places - 0.5 : places + 0.5) * unit;
 }
 
@@ -52,9 +62,9 @@ struct PowersOfTwo {
 
     consteval PowersOfTwo() : of() {
         for (int j = 0; j < NUM; j++) {
-            Quad exact = quad_exp(LOG_2 * j / NUM);
-            double near = (double)exact;
-            of[j] = {near, (double)((exact - near) / near)};
+            Exact exact = exact_exp(LOG_2 * Exact((double)j / NUM));
+            double near = exact;
+            of[j] = {near, (exact - Exact(near)) / Exact(near)};
         }
     }
 };
@@ -79,8 +89,8 @@ struct Reduced {
 // Reduce exp(high + low), for |high| below 2^20 and a far smaller |low|.
 INLINE Reduced reduce(double high, double low) {
     constexpr double to_integer = 0x1.8p52;  // adding this number rounds to an integer
-    constexpr Quad exact = LOG_2 / PowersOfTwo::NUM;
-    constexpr double unit = (double)(1 / exact), step = rounded(exact, 0x1p-42), step_lacks = (double)(exact - step);
+    constexpr Exact exact = LOG_2 / Exact((double)PowersOfTwo::NUM);
+    constexpr double unit = Exact(1.0) / exact, step = rounded(exact, 0x1p-42), step_lacks = exact - Exact(step);
     double shifted = high * unit + to_integer, k = shifted - to_integer;  // k * step is exact
     double x = high - k * step - k * step_lacks + low;
     double series = (1.0 / 2 + x * (1.0 / 6)) + x * x * (1.0 / 24 + x * (1.0 / 120));  // (exp(x) - 1 - x) / (x * x)
@@ -133,10 +143,10 @@ struct Logarithms {
         for (uint64_t j = 0; j < NUM; j++) {
             double begin = __builtin_bit_cast(double, FIRST + j * WIDTH);
             double end = __builtin_bit_cast(double, FIRST + (j + 1) * WIDTH);
-            double inverse = begin < 1 && 1 < end ? 1 : rounded(2 / ((Quad)begin + end), 0x1p-9);
-            Quad exact = -quad_log(inverse);
+            double inverse = begin < 1 && 1 < end ? 1 : rounded(Exact(2.0) / (Exact(begin) + Exact(end)), 0x1p-9);
+            Exact exact = -exact_log(inverse);
             double high = rounded(exact, 0x1p-42);
-            of[j] = {inverse, high, (double)(exact - high)};
+            of[j] = {inverse, high, exact - Exact(high)};
         }
     }
 };
@@ -150,7 +160,7 @@ INLINE double shortened(double number, int num_bits) {
 
 // Return x^y for x = number * 2^exponent above 0. bits: the bits of the number, which is a normal float.
 INLINE double power_of_normal(uint64_t bits, int64_t exponent, double y) {
-    constexpr double log_2 = rounded(LOG_2, 0x1p-42), rest_of_log_2 = (double)(LOG_2 - log_2);
+    constexpr double log_2 = rounded(LOG_2, 0x1p-42), rest_of_log_2 = LOG_2 - Exact(log_2);
     // The number is z * 2^k, with z = (1 + r) / inverse and r = r_high + r_low, |r| < 0.0047. All factors are so short
     // that the products are exact, and so is the square of r_high.
     uint64_t offset = bits - Logarithms::FIRST;
@@ -220,7 +230,7 @@ INLINE double power_of(double x, double y) {
 // arguments.
 INLINE double log_of(double x) {
     using namespace maths;
-    constexpr double log_2 = rounded(LOG_2, 0x1p-42), rest_of_log_2 = (double)(LOG_2 - log_2);
+    constexpr double log_2 = rounded(LOG_2, 0x1p-42), rest_of_log_2 = LOG_2 - Exact(log_2);
     const uint64_t bits = __builtin_bit_cast(uint64_t, x), offset = bits - Logarithms::FIRST;
     const int64_t k = (int64_t)offset >> 52;
     const auto [inverse, log_high, log_low] = LOGARITHMS.of[offset / Logarithms::WIDTH % Logarithms::NUM];
