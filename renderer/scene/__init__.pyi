@@ -197,14 +197,16 @@ from .volume_files import (
     is_pattern as is_pattern,
 )
 from .volume_section import (
-    PROCEDURAL_NAMES as PROCEDURAL_NAMES,
     SUBSET_INDEX_FIELD as SUBSET_INDEX_FIELD,
-    ArraySource as ArraySource,
-    ProceduralSource as ProceduralSource,
-    RawSource as RawSource,
     VolumeSpec as VolumeSpec,
     is_unit as is_unit,
     steps_in_time as steps_in_time,
+)
+from .volume_sources import (
+    PROCEDURAL_NAMES as PROCEDURAL_NAMES,
+    ArraySource as ArraySource,
+    ProceduralSource as ProceduralSource,
+    RawSource as RawSource,
 )
 from .yaml_tree import (
     MAX_DEPTH as MAX_DEPTH,
@@ -229,4 +231,4 @@ from .colormaps import is_colormap as is_colormap, nearest_colormap as nearest_c
 from .motion import EASINGS as EASINGS, MotionKind as MotionKind, values_at as values_at
 from .picture_size import MAX_SIDE as MAX_SIDE
 from .tree_node import read_frame as read_frame
-from .volume_section import MAX_VOXELS as MAX_VOXELS
+from .volume_sources import MAX_VOXELS as MAX_VOXELS

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 from renderer.errors import Problem, SceneError
 from renderer.scene.camera_section import CameraSpec, KeyframePath
 from renderer.scene.volume_files import FileSource, UrlSource
-from renderer.scene.volume_section import ArraySource, VolumeSpec
+from renderer.scene.volume_section import VolumeSpec
+from renderer.scene.volume_sources import ArraySource
 
 if TYPE_CHECKING:
     from renderer.volume import Volume
