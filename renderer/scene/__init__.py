@@ -17,8 +17,8 @@ Its field types also check sidecars and golden records. Importing it imports no 
 - `picture_size.py`: the size of pictures, in pixels or in print.
 - `output_formats.py`: the table of all formats of pictures and films.
 - `level_choice.py`: the choice of a level of a store, and its sentence.
-- `volume_sources.py`: raw files, formulas and arrays; `volume_files.py`: the file of a volume, or the files of its steps
-  in time; `urls.py`: URLs of stores; `file_places.py`: the names of a scene's files, as seen from another folder.
+- `volume_sources.py`: raw files, formulas and arrays; `volume_files.py`: the file of a volume, or the files of its
+  steps in time; `urls.py`: URLs of stores; `file_places.py`: the names of a scene's files, as seen from another folder.
 - `schema.py`: the types of fields, which other rooms use as `schema.number_field(...)`, and the reading of sections
   with its checks for unknown and missing keys; `tree_node.py`: the base of all field types, and the reader of values
   that move; `motion.py`: `Motion`, a value that moves, and `OverFrames`, a part of a scene that is read at a frame.
