@@ -186,14 +186,14 @@ class Annotator:
         return 0
 
     def _name_patches(self, frame: FrameFacts) -> Iterator[Patch]:
-        """Yield lines to labels, then the names of labels. A name without a visible label is faint."""
+        """Yield lines to labels, in their colours, then the names. A name without a visible label is faint."""
         px, spec = self._name_px, self._spec.names
         if spec is None:
             return
         half = max(px / 24, 0.6)
-        for key, anchor in frame.anchors.items():
-            place = self.name_places[key]
-            yield from Leader(place.start, anchor, half).patches(self._color(spec, place.start[1]))
+        for (side, rank), anchor in frame.anchors.items():
+            _, color = self._facts.names[_SIDES.index(side)][rank]
+            yield from Leader(self.name_places[side, rank].start, anchor, half).patches(color)
         for key in self.name_places:
             name = self._finished_name(key)
             yield name if key in frame.anchors else name._replace(rgba=_FAINT * name.rgba)

@@ -12,9 +12,11 @@ import numpy as np
 
 from renderer.annotation import (
     Annotator,
+    FrameFacts,
     NamedLabel,
     annotation_problems,
     border_points,
+    draw_annotation,
     film_facts,
     find_anchors,
     frame_facts,
@@ -86,6 +88,21 @@ def test_lines_end_where_their_label_is_seen_and_names_are_beside_the_object() -
                     box = frame.radiance[place.row :, place.column :, 3][: len(place.line), : place.line.shape[1]]
                     assert box.max() < 1 / 255
         assert num_found > 0.8 * len(FRAMES) * len(names)
+
+
+def test_lines_have_the_colors_of_their_labels() -> None:
+    stage = stage_of()
+    names = named_labels(stage.layers, label_points(stage.layers), stage.scene.camera.path, ["left", "right"])
+    annotator = annotator_of(stage)
+    for each in names:
+        place = annotator.name_places[each.side, each.rank]
+        end = (160.0, place.start[1])  # a level line to the middle of the picture
+        patches = annotator.patches(FrameFacts(anchors={(each.side, each.rank): end}))
+        canvas = np.zeros((240, 320, 4), np.float32)
+        draw_annotation(canvas, patches)
+        row, column = round(end[1]), round((place.start[0] + end[0]) / 2)
+        near = canvas[row - 2 : row + 3, column, :3]
+        assert np.abs(near - np.array(each.color)).max(axis=1).min() < 0.2, each.text
 
 
 def test_names_stay_at_their_places_without_overlap_and_frames_come_in_any_order() -> None:
