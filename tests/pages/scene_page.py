@@ -1,30 +1,18 @@
-"""Write the listing, the bounds and the moving keys into docs/scene.md: `python tests/pages/scene_page.py`."""
+"""Write the listing and the moving keys into docs/scene.md: `python tests/pages/scene_page.py`."""
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from renderer.scene import (
-    FORMATS,
-    MAX_VOXELS,
-    MIN_TOLERANCE,
-    MIN_WORLD_LENGTH,
-    PATH_EXAMPLES,
-    SECTIONS,
-    join_words,
-    scene_keys,
-    schema,
-)
+from renderer.scene import PATH_EXAMPLES, SECTIONS, join_words, scene_keys, schema
 
 SCENE_PAGE = Path(__file__).resolve().parents[2] / "docs" / "scene.md"
 # Each part that is made: the text before it, and the text after it.
 _LISTING = ("```yaml\n", "```\n")
-_BOUNDS = ("| number | from | to |\n|---|---|---|\n", "\nOther bounds")
-_MOVING = ("of all others it is an error.\n\n", "\nOf labels, the color")
+_MOVING = ("in place of these keys.\n\n", "\nOf labels, the color")
 
 _WIDTH = 120
 # The column of comments behind values, and the longest line that has its comment behind it.
@@ -33,8 +21,9 @@ _LONGEST = 66
 # Sections that scenes have although they may be left out, and a key that is not for the first output.
 _SHOWN = ("volume", "transfer_function")
 _HIDDEN = ("output.every",)
-# Sections with the keys of `volume`.
+# Sections with the keys of `volume`, and the keys in them that move as others of their names do.
 _LIKE_VOLUME = ("volumes", "mask")
+_REPEATED = (*(SECTIONS["volume"].table or {}), *SECTIONS)
 # A path of several pieces.
 _PIECES = "[{type: turntable, seconds: 2}, {type: hold, frames: 20}]"
 _MOTIONS = {"linear": "", "ratio": " (in even ratios)", "direction": " (on the sphere)"}
@@ -43,7 +32,7 @@ _MOTIONS = {"linear": "", "ratio": " (in even ratios)", "direction": " (on the s
 def scene_page() -> str:
     """Return the page with the parts that follow from the types of all keys."""
     text = SCENE_PAGE.read_text("utf-8")
-    for (before, after), lines in ((_LISTING, _listing()), (_BOUNDS, _bounds()), (_MOVING, _moving())):
+    for (before, after), lines in ((_LISTING, _listing()), (_MOVING, _moving())):
         head, _, rest = text.partition(before)
         text = f"{head}{before}" + "".join(f"{line}\n" for line in lines) + after + rest.partition(after)[2]
     return text
@@ -68,8 +57,13 @@ def _listing() -> Iterator[str]:
                 yield from _key_lines(mark or indent, key, value, text)
             if key not in SECTIONS:
                 start = "" if is_live else "# "
-                yield from (f"{start}  #   {line}" for line in told.of(item))
+                yield from (each for line in told.of(item) for each in _wrapped(f"{start}  #   ", line))
         yield ""
+
+
+def _wrapped(start: str, line: str) -> list[str]:
+    """Return the lines of a comment, each behind the same start."""
+    return [f"{start}{each}" for each in textwrap.wrap(line, _WIDTH - len(start), subsequent_indent="  ")]
 
 
 class _ToldKeys:
@@ -143,44 +137,12 @@ def _key_lines(indent: str, key: str, value: str, field: schema.FieldType[Any] |
     yield from (f"{start:{column}}# {each}" for each in comments[1:])
 
 
-def _bounds() -> Iterator[str]:
-    rows: dict[tuple[str, str], list[str]] = {}
-    for key, field in scene_keys():
-        is_repeated = key.partition(".")[0] in ("volumes", "mask") and key.partition(".")[2] != "weight"
-        for low, high in [] if field.table or is_repeated else _ranges(field.plain_schema(False)):
-            named = "parts of colors" if "black" in field.words else f"`{key}`"
-            rows.setdefault((low, high), []).append(named)
-    rows.setdefault(("1", _number(MAX_VOXELS)), []).append("voxels of a `shape`, in all")
-    rows.setdefault((_number(MIN_WORLD_LENGTH), "any"), []).append("the largest component of a direction")
-    rows.setdefault(("any", _number(FORMATS[".gif"].max_rate)), []).append("`output.frames_per_second` of a GIF")
-    for (low, high), keys in rows.items():
-        yield f"| {', '.join(dict.fromkeys(keys))} | {low} | {high} |"
-
-
-def _ranges(shape: Any) -> Iterator[tuple[str, str]]:
-    """Yield the bounds of all numbers in a JSON Schema, as words; of numbers without bounds none."""
-    if isinstance(shape, list):
-        for each in shape:
-            yield from _ranges(each)
-    elif isinstance(shape, dict):
-        if {"minimum", "maximum", "exclusiveMinimum"} & shape.keys():
-            low = _number(shape["minimum"]) if "minimum" in shape else "any"
-            low = f"above {_number(shape['exclusiveMinimum'])}" if "exclusiveMinimum" in shape else low
-            low = f"0, or {low}" if shape.get("minimum") == MIN_TOLERANCE else low
-            yield low, _number(shape["maximum"]) if "maximum" in shape else "any"
-        yield from _ranges([*shape.values()])
-
-
-def _number(value: Any) -> str:
-    """Return a number as readers know it: with blanks between thousands, or with an exponent."""
-    return f"{value:,}".replace(",", " ") if isinstance(value, int) else re.sub(r"e[+]?(-?)0?", r"e\1", f"{value:g}")
-
-
 def _moving() -> Iterator[str]:
     by_section: dict[str, list[str]] = {}
     for key, field in scene_keys():
         section, _, rest = key.partition(".")
-        if field.motion is not None and rest:
+        is_repeated = section in _LIKE_VOLUME and rest.partition(".")[0] in _REPEATED
+        if field.motion is not None and rest and not is_repeated:
             by_section.setdefault(section, []).append(f"`{rest}`{_MOTIONS[field.motion]}")
     for section, keys in by_section.items():
         yield from textwrap.wrap(f"- `{section}`: {', '.join(keys)}", _WIDTH, subsequent_indent="  ")
