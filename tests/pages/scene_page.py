@@ -44,15 +44,15 @@ def _listing() -> Iterator[str]:
         is_live = field.is_needed or name in _SHOWN
         own = {key: item for key, item in (field.table or {}).items() if key not in _others(name)}
         if field.default is not None:
-            yield from _key_lines("", name, schema.yaml_flow(field.default), field)
+            yield from _key_lines("", name, schema.yaml_flow(field.default), _text_of(field))
             yield from ["# or with keys:", f"# {name}:"] if own else []
         elif own:
-            yield from _key_lines("" if is_live else "# ", name, "", field)
+            yield from _key_lines("" if is_live else "# ", name, "", _text_of(field))
         indents = ["  - ", *["    "] * len(own)] if name in ("clip", "volumes") else ["  "] * len(own)
         for indent, (key, item) in zip(indents, own.items(), strict=False):
             for number, value in enumerate(_values(key, item)):
                 is_shown = is_live and number == 0 and _is_shown(f"{name}.{key}", item)
-                text = item if number == 0 and not (name in _LIKE_VOLUME and key == "file") else None
+                text = told.text_of(name, key, item) if number == 0 else ""
                 mark = "  # " if is_live and not is_shown else "" if is_live else f"# {indent}"
                 yield from _key_lines(mark or indent, key, value, text)
             if key not in SECTIONS:
@@ -67,10 +67,16 @@ def _wrapped(start: str, line: str) -> list[str]:
 
 
 class _ToldKeys:
-    """The keys that are needed inside of others, and their words for values. Each line is told once."""
+    """The texts on keys, the keys that are needed inside of others, and their words for values. Each is told once."""
 
     def __init__(self) -> None:
         self._known: set[str] = set()
+        self._sections: dict[str, str] = {}
+
+    def text_of(self, section: str, key: str, field: schema.FieldType[Any]) -> str:
+        """Return the text on a key, or the name of the section in which a key has the same name and text."""
+        first = self._sections.setdefault(f"{key}: {_text_of(field)}", section)
+        return _text_of(field) if first == section else f"As in `{first}`."
 
     def of(self, field: schema.FieldType[Any]) -> Iterator[str]:
         """Yield the lines on keys inside of a key that are not told yet."""
@@ -115,17 +121,21 @@ def _values(key: str, field: schema.FieldType[Any]) -> list[str]:
     return [value for value in dict.fromkeys(values) if len(value) < _WIDTH]
 
 
-def _key_lines(indent: str, key: str, value: str, field: schema.FieldType[Any] | None) -> Iterator[str]:
-    """Yield the lines of a key, its value, and the text on it, if a field is given.
+def _text_of(field: schema.FieldType[Any]) -> str:
+    """Return whether a key is needed, its text, and its default in words."""
+    words = "" if field.text is None else field.text.sentence
+    if field.text is not None and field.text.default:
+        words += f" Default: {field.text.default}."
+    return f"Needed. {words}" if field.is_needed else words
+
+
+def _key_lines(indent: str, key: str, value: str, words: str) -> Iterator[str]:
+    """Yield the lines of a key, its value, and the text on it.
 
     indent: the text before the key: blanks, and a # where the key is commented out.
     """
     line = f"{indent}{key}: {value}".rstrip()
     start = indent.rpartition("#")[0] + "#" if "#" in indent else ""
-    words = "" if field is None or field.text is None else field.text.sentence
-    if field is not None and field.text is not None and field.text.default:
-        words += f" Default: {field.text.default}."
-    words = f"Needed. {words}" if field is not None and field.is_needed else words
     if len(line) > _LONGEST:
         mark = indent if indent.startswith("  #") else f"{indent}# "
         yield from (f"{mark}{each}" for each in textwrap.wrap(words, _WIDTH - 10))
