@@ -26,7 +26,7 @@ _VALUES = (
         "values",
         "slope and intercept to a real unit, unless RescaleSlope and RescaleIntercept apply",
     ),
-    Statement("MaximumFractionalValue", "values", "the stored value of a whole voxel"),
+    Statement("MaximumFractionalValue", "values", "the stored value of a whole voxel of a segment"),
     Statement("PixelRepresentation", "values", "whether stored values have a sign"),
     Statement("BitsStored", "values", "the number of bits of a value"),
     Statement("RedPaletteColorLookupTableData", "values", "a palette of colours"),
@@ -71,7 +71,7 @@ _MEANING = (
     Statement("FrameTime", "meaning", "the time between frames of one plane"),
     Statement("FrameTimeVector", "meaning", "the time between frames of one plane"),
     *(
-        Statement(keyword, "meaning", "differences at one place")
+        Statement(keyword, "meaning", "a difference of times or components")
         for keyword in dict.fromkeys(
             word for each in (*TOLD_APART, *VECTORS) for word in each.name.split(" and ") if word != "InstanceNumber"
         )

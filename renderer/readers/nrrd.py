@@ -34,7 +34,7 @@ from renderer.volume import Array, Channel, Float64, Label
 STATEMENTS = FormatTable(
     "NRRD",
     (
-        Statement("space", "place", "the axes of the world; left-handed ones get -z"),
+        Statement("space", "place", "the axes of the world; z of left-handed ones is negated"),
         Statement("space directions", "place", "the directions and steps of the axes"),
         Statement("space origin", "place", "the place of the first sample"),
         Statement("spacings", "place", "the distance of samples"),
