@@ -24,28 +24,28 @@ _VALUES = (
     Statement(
         "RealWorldValueMappingSequence",
         "values",
-        "slope and intercept to a real unit; applied where RescaleSlope and RescaleIntercept are 1 and 0, or missing",
+        "slope and intercept to a real unit, unless RescaleSlope and RescaleIntercept apply",
     ),
-    Statement("MaximumFractionalValue", "values", "the stored value of a whole voxel of a fractional segment"),
+    Statement("MaximumFractionalValue", "values", "the stored value of a whole voxel of a segment"),
     Statement("PixelRepresentation", "values", "whether stored values have a sign"),
-    Statement("BitsStored", "values", "the number of bits of a pixel that hold its value"),
-    Statement("RedPaletteColorLookupTableData", "values", "a palette: stored values are indices of its colours"),
+    Statement("BitsStored", "values", "the number of bits of a value"),
+    Statement("RedPaletteColorLookupTableData", "values", "a palette of colours"),
 )
 _PLACE = (
     Statement("PixelSpacing", "place", "the distance of pixels, down and across"),
-    Statement("ImagerPixelSpacing", "place", "the distance of pixels at the detector, without PixelSpacing"),
-    Statement("PixelAspectRatio", "place", "the height of a pixel by its width; applied to runs without lengths"),
-    Statement("SpacingBetweenSlices", "place", "the distance of slices, where positions do not give it"),
-    Statement("SliceThickness", "place", "the distance of slices, where nothing else gives it"),
+    Statement("ImagerPixelSpacing", "place", "the distance of pixels at the detector"),
+    Statement("PixelAspectRatio", "place", "the height of a pixel by its width, without lengths"),
+    Statement("SpacingBetweenSlices", "place", "the distance of slices, without positions"),
+    Statement("SliceThickness", "place", "the distance of slices, without other fields"),
     Statement("ImagePositionPatient", "place", "the place of the first pixel"),
     Statement("ImageOrientationPatient", "place", "the directions of rows and columns"),
     Statement("ImagePositionVolume", "place", "the place of the first pixel, of ultrasound"),
     Statement("ImageOrientationVolume", "place", "the directions of rows and columns, of ultrasound"),
-    Statement("PatientOrientation", "place", "the directions of rows and columns by letters, without numbers"),
-    Statement("SliceLocation", "place", "the place of a slice, where it has no position"),
-    Statement("InstanceNumber", "place", "the number of a slice, where it has no position and no SliceLocation"),
-    Statement("InStackPositionNumber", "place", "the number of a frame in its file, where it has no position"),
-    Statement("SliceVector", "place", "the number of each frame in its file, of nuclear medicine"),
+    Statement("PatientOrientation", "place", "the directions of rows and columns, by letters"),
+    Statement("SliceLocation", "place", "the place of a slice, without a position"),
+    Statement("InstanceNumber", "place", "the number of a slice, without SliceLocation"),
+    Statement("InStackPositionNumber", "place", "the number of a frame, without a position"),
+    Statement("SliceVector", "place", "the number of each frame, of nuclear medicine"),
     Statement("GridFrameOffsetVector", "place", "the place of each frame of a dose"),
     Statement(_TILT, "place", "an angle of the gantry, where slices have no positions", is_applied=False),
     Statement("EstimatedRadiographicMagnificationFactor", "place", "a magnification", is_applied=False),
@@ -71,7 +71,7 @@ _MEANING = (
     Statement("FrameTime", "meaning", "the time between frames of one plane"),
     Statement("FrameTimeVector", "meaning", "the time between frames of one plane"),
     *(
-        Statement(keyword, "meaning", "a difference between times or components at one place")
+        Statement(keyword, "meaning", "a difference of times or components")
         for keyword in dict.fromkeys(
             word for each in (*TOLD_APART, *VECTORS) for word in each.name.split(" and ") if word != "InstanceNumber"
         )

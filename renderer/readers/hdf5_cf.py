@@ -36,7 +36,7 @@ STATEMENTS = FormatTable(
         Statement("flag_masks", "meaning", "the bits of labels, whose names are in flag_meanings", is_applied=False),
         Statement("DIMENSION_LIST", "place", "the coordinates along each axis"),
         Statement("axis", "place", "the axis of the world along which coordinates lie"),
-        Statement("positive", "place", "whether coordinates count upwards or downwards; pressure counts downwards"),
+        Statement("positive", "place", "whether coordinates count upwards or downwards"),
         Statement("formula_terms", "place", "the heights of levels, by a formula", is_applied=False),
         Statement("grid_mapping", "place", "the map projection of coordinates", is_applied=False),
         Statement("coordinates", "place", "places of voxels in arrays of two axes or more", is_applied=False),

@@ -17,7 +17,7 @@ STATEMENTS = FormatTable(
     "EMD",
     (
         Statement("emd_group_type", "place", "whether a group has data with coordinates"),
-        Statement("dim1", "place", "the coordinates along an axis, or the first two of them; also dim2 and so on"),
+        Statement("dim1", "place", "the coordinates along an axis; also dim2 and so on"),
         Statement("name", "place", "the name of an axis"),
         Statement("units", "meaning", "the unit of coordinates, and of the values"),
     ),

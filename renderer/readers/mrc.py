@@ -32,17 +32,15 @@ _FIELDS = np.dtype([
 STATEMENTS = FormatTable(
     "MRC and CCP4",
     (
-        Statement(
-            "mapc", "place", "the axes of the cell that columns, rows and sections run along; also mapr and maps"
-        ),
+        Statement("mapc", "place", "the axes of columns, rows and sections; also mapr and maps"),
         Statement("cella", "place", "the lengths of the cell"),
         Statement("mx", "place", "the number of samples along the cell; also my and mz"),
         Statement("cellb", "place", "the angles of the cell"),
         Statement("origin", "place", "the place of the first voxel"),
-        Statement("nxstart", "place", "the number of the first voxel, if there is no origin; also nystart and nzstart"),
+        Statement("nxstart", "place", "the number of the first voxel, without origin; also nystart and nzstart"),
         Statement("ispg", "meaning", "whether the file is a stack of volumes"),
         Statement("imodFlags", "values", "whether bytes have a sign, of IMOD"),
-        Statement("dmax", "values", "the largest value, by which bytes of other programs have a sign or none"),
+        Statement("dmax", "values", "the largest value, which shows whether bytes have a sign"),
         Statement("lskflg", "place", "a skew of the world, of CCP4", is_applied=False),
     ),
 )

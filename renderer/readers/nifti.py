@@ -63,7 +63,7 @@ STATEMENTS = FormatTable(
     "NIfTI and Analyze",
     (
         Statement("sform_code", "place", "whether srow_x, srow_y and srow_z place the voxels"),
-        Statement("qform_code", "place", "whether a quaternion places the voxels, if there is no sform"),
+        Statement("qform_code", "place", "whether a quaternion places the voxels, without sform"),
         Statement("qfac", "place", "whether the third axis is turned over, in pixdim[0]"),
         Statement("pixdim", "place", "the sizes of voxels"),
         Statement("scl_slope", "values", "a factor of the values"),

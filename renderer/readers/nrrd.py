@@ -34,19 +34,15 @@ from renderer.volume import Array, Channel, Float64, Label
 STATEMENTS = FormatTable(
     "NRRD",
     (
-        Statement(
-            "space", "place", "the axes of the world, such as the axes of a body; z of left-handed ones is negated"
-        ),
+        Statement("space", "place", "the axes of the world; z of left-handed ones is negated"),
         Statement("space directions", "place", "the directions and steps of the axes"),
         Statement("space origin", "place", "the place of the first sample"),
         Statement("spacings", "place", "the distance of samples"),
         Statement("axis mins", "place", "the coordinate at which an axis begins"),
         Statement("axis maxs", "place", "the coordinate at which an axis ends"),
-        Statement("centers", "place", "whether samples lie in the middle or at the ends of a step"),
+        Statement("centers", "place", "whether samples lie in the middle of a step"),
         Statement("endian", "values", "the order of bytes"),
-        Statement(
-            "kinds", "meaning", "the kind of each axis: space, time, or the components of a colour, a vector, a matrix"
-        ),
+        Statement("kinds", "meaning", "the kind of each axis: space, time, or components"),
         Statement("units", "meaning", "the unit of each axis"),
         Statement("space units", "meaning", "the unit of lengths"),
         Statement("sample units", "meaning", "the unit of values"),

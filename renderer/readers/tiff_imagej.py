@@ -20,7 +20,7 @@ STATEMENTS = FormatTable(
         Statement("spacing", "place", "the distance of slices"),
         Statement("xorigin", "place", "the index of the pixel at 0; also yorigin and zorigin"),
         Statement("finterval", "meaning", "the time between two frames, and its unit tunit"),
-        Statement("c0", "values", "the calibration of values: a polynomial with c0, c1 and so on, where cf is 0 to 3"),
+        Statement("c0", "values", "the calibration of values: a polynomial with c0, c1 and so on"),
         Statement("cf", "values", "a calibration by another kind of function", is_applied=False),
         Statement("vunit", "meaning", "the unit of calibrated values"),
         Statement("Ranges", "meaning", "the display range of each channel"),

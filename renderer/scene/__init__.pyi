@@ -231,4 +231,3 @@ from .colormaps import is_colormap as is_colormap, nearest_colormap as nearest_c
 from .motion import EASINGS as EASINGS, MotionKind as MotionKind, values_at as values_at
 from .picture_size import MAX_SIDE as MAX_SIDE
 from .tree_node import read_frame as read_frame
-from .volume_sources import MAX_VOXELS as MAX_VOXELS

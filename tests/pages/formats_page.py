@@ -15,9 +15,8 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
 _HEAD = """\
 # Fields of volume files
 
-Beside numbers, files state their scale, directions, values that are no data, the names of labels. hsplat applies the
-fields that are listed first, and names the others in a note.
-`tests/pages/formats_page.py` makes this page from the tables of the readers.
+Files state scales, directions, values that are no data, names of labels. hsplat applies the fields that are listed
+first, and names the others in a note. `tests/pages/formats_page.py` makes this page from the tables of the readers.
 """
 _LINE_LENGTH = 120
 _ARTICLE = re.compile("^(the|an?) ")

@@ -1,30 +1,18 @@
-"""Write the listing, the bounds and the moving keys into docs/scene.md: `python tests/pages/scene_page.py`."""
+"""Write the listing and the moving keys into docs/scene.md: `python tests/pages/scene_page.py`."""
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from renderer.scene import (
-    FORMATS,
-    MAX_VOXELS,
-    MIN_TOLERANCE,
-    MIN_WORLD_LENGTH,
-    PATH_EXAMPLES,
-    SECTIONS,
-    join_words,
-    scene_keys,
-    schema,
-)
+from renderer.scene import PATH_EXAMPLES, SECTIONS, join_words, scene_keys, schema
 
 SCENE_PAGE = Path(__file__).resolve().parents[2] / "docs" / "scene.md"
 # Each part that is made: the text before it, and the text after it.
 _LISTING = ("```yaml\n", "```\n")
-_BOUNDS = ("| number | from | to |\n|---|---|---|\n", "\nOther bounds")
-_MOVING = ("of all others it is an error.\n\n", "\nOf labels, the color")
+_MOVING = ("in place of these keys.\n\n", "\nOf labels, the color")
 
 _WIDTH = 120
 # The column of comments behind values, and the longest line that has its comment behind it.
@@ -33,8 +21,9 @@ _LONGEST = 66
 # Sections that scenes have although they may be left out, and a key that is not for the first output.
 _SHOWN = ("volume", "transfer_function")
 _HIDDEN = ("output.every",)
-# Sections with the keys of `volume`.
+# Sections with the keys of `volume`, and the keys in them that move as others of their names do.
 _LIKE_VOLUME = ("volumes", "mask")
+_REPEATED = (*(SECTIONS["volume"].table or {}), *SECTIONS)
 # A path of several pieces.
 _PIECES = "[{type: turntable, seconds: 2}, {type: hold, frames: 20}]"
 _MOTIONS = {"linear": "", "ratio": " (in even ratios)", "direction": " (on the sphere)"}
@@ -43,7 +32,7 @@ _MOTIONS = {"linear": "", "ratio": " (in even ratios)", "direction": " (on the s
 def scene_page() -> str:
     """Return the page with the parts that follow from the types of all keys."""
     text = SCENE_PAGE.read_text("utf-8")
-    for (before, after), lines in ((_LISTING, _listing()), (_BOUNDS, _bounds()), (_MOVING, _moving())):
+    for (before, after), lines in ((_LISTING, _listing()), (_MOVING, _moving())):
         head, _, rest = text.partition(before)
         text = f"{head}{before}" + "".join(f"{line}\n" for line in lines) + after + rest.partition(after)[2]
     return text
@@ -55,28 +44,39 @@ def _listing() -> Iterator[str]:
         is_live = field.is_needed or name in _SHOWN
         own = {key: item for key, item in (field.table or {}).items() if key not in _others(name)}
         if field.default is not None:
-            yield from _key_lines("", name, schema.yaml_flow(field.default), field)
+            yield from _key_lines("", name, schema.yaml_flow(field.default), _text_of(field))
             yield from ["# or with keys:", f"# {name}:"] if own else []
         elif own:
-            yield from _key_lines("" if is_live else "# ", name, "", field)
+            yield from _key_lines("" if is_live else "# ", name, "", _text_of(field))
         indents = ["  - ", *["    "] * len(own)] if name in ("clip", "volumes") else ["  "] * len(own)
         for indent, (key, item) in zip(indents, own.items(), strict=False):
             for number, value in enumerate(_values(key, item)):
                 is_shown = is_live and number == 0 and _is_shown(f"{name}.{key}", item)
-                text = item if number == 0 and not (name in _LIKE_VOLUME and key == "file") else None
+                text = told.text_of(name, key, item) if number == 0 else ""
                 mark = "  # " if is_live and not is_shown else "" if is_live else f"# {indent}"
                 yield from _key_lines(mark or indent, key, value, text)
             if key not in SECTIONS:
                 start = "" if is_live else "# "
-                yield from (f"{start}  #   {line}" for line in told.of(item))
+                yield from (each for line in told.of(item) for each in _wrapped(f"{start}  #   ", line))
         yield ""
 
 
+def _wrapped(start: str, line: str) -> list[str]:
+    """Return the lines of a comment, each behind the same start."""
+    return [f"{start}{each}" for each in textwrap.wrap(line, _WIDTH - len(start), subsequent_indent="  ")]
+
+
 class _ToldKeys:
-    """The keys that are needed inside of others, and their words for values. Each line is told once."""
+    """The texts on keys, the keys that are needed inside of others, and their words for values. Each is told once."""
 
     def __init__(self) -> None:
         self._known: set[str] = set()
+        self._sections: dict[str, str] = {}
+
+    def text_of(self, section: str, key: str, field: schema.FieldType[Any]) -> str:
+        """Return the text on a key, or the name of the section in which a key has the same name and text."""
+        first = self._sections.setdefault(f"{key}: {_text_of(field)}", section)
+        return _text_of(field) if first == section else f"As in `{first}`."
 
     def of(self, field: schema.FieldType[Any]) -> Iterator[str]:
         """Yield the lines on keys inside of a key that are not told yet."""
@@ -121,17 +121,21 @@ def _values(key: str, field: schema.FieldType[Any]) -> list[str]:
     return [value for value in dict.fromkeys(values) if len(value) < _WIDTH]
 
 
-def _key_lines(indent: str, key: str, value: str, field: schema.FieldType[Any] | None) -> Iterator[str]:
-    """Yield the lines of a key, its value, and the text on it, if a field is given.
+def _text_of(field: schema.FieldType[Any]) -> str:
+    """Return whether a key is needed, its text, and its default in words."""
+    words = "" if field.text is None else field.text.sentence
+    if field.text is not None and field.text.default:
+        words += f" Default: {field.text.default}."
+    return f"Needed. {words}" if field.is_needed else words
+
+
+def _key_lines(indent: str, key: str, value: str, words: str) -> Iterator[str]:
+    """Yield the lines of a key, its value, and the text on it.
 
     indent: the text before the key: blanks, and a # where the key is commented out.
     """
     line = f"{indent}{key}: {value}".rstrip()
     start = indent.rpartition("#")[0] + "#" if "#" in indent else ""
-    words = "" if field is None or field.text is None else field.text.sentence
-    if field is not None and field.text is not None and field.text.default:
-        words += f" Default: {field.text.default}."
-    words = f"Needed. {words}" if field is not None and field.is_needed else words
     if len(line) > _LONGEST:
         mark = indent if indent.startswith("  #") else f"{indent}# "
         yield from (f"{mark}{each}" for each in textwrap.wrap(words, _WIDTH - 10))
@@ -143,44 +147,12 @@ def _key_lines(indent: str, key: str, value: str, field: schema.FieldType[Any] |
     yield from (f"{start:{column}}# {each}" for each in comments[1:])
 
 
-def _bounds() -> Iterator[str]:
-    rows: dict[tuple[str, str], list[str]] = {}
-    for key, field in scene_keys():
-        is_repeated = key.partition(".")[0] in ("volumes", "mask") and key.partition(".")[2] != "weight"
-        for low, high in [] if field.table or is_repeated else _ranges(field.plain_schema(False)):
-            named = "parts of colors" if "black" in field.words else f"`{key}`"
-            rows.setdefault((low, high), []).append(named)
-    rows.setdefault(("1", _number(MAX_VOXELS)), []).append("voxels of a `shape`, in all")
-    rows.setdefault((_number(MIN_WORLD_LENGTH), "any"), []).append("the largest component of a direction")
-    rows.setdefault(("any", _number(FORMATS[".gif"].max_rate)), []).append("`output.frames_per_second` of a GIF")
-    for (low, high), keys in rows.items():
-        yield f"| {', '.join(dict.fromkeys(keys))} | {low} | {high} |"
-
-
-def _ranges(shape: Any) -> Iterator[tuple[str, str]]:
-    """Yield the bounds of all numbers in a JSON Schema, as words; of numbers without bounds none."""
-    if isinstance(shape, list):
-        for each in shape:
-            yield from _ranges(each)
-    elif isinstance(shape, dict):
-        if {"minimum", "maximum", "exclusiveMinimum"} & shape.keys():
-            low = _number(shape["minimum"]) if "minimum" in shape else "any"
-            low = f"above {_number(shape['exclusiveMinimum'])}" if "exclusiveMinimum" in shape else low
-            low = f"0, or {low}" if shape.get("minimum") == MIN_TOLERANCE else low
-            yield low, _number(shape["maximum"]) if "maximum" in shape else "any"
-        yield from _ranges([*shape.values()])
-
-
-def _number(value: Any) -> str:
-    """Return a number as readers know it: with blanks between thousands, or with an exponent."""
-    return f"{value:,}".replace(",", " ") if isinstance(value, int) else re.sub(r"e[+]?(-?)0?", r"e\1", f"{value:g}")
-
-
 def _moving() -> Iterator[str]:
     by_section: dict[str, list[str]] = {}
     for key, field in scene_keys():
         section, _, rest = key.partition(".")
-        if field.motion is not None and rest:
+        is_repeated = section in _LIKE_VOLUME and rest.partition(".")[0] in _REPEATED
+        if field.motion is not None and rest and not is_repeated:
             by_section.setdefault(section, []).append(f"`{rest}`{_MOTIONS[field.motion]}")
     for section, keys in by_section.items():
         yield from textwrap.wrap(f"- `{section}`: {', '.join(keys)}", _WIDTH, subsequent_indent="  ")
