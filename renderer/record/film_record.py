@@ -1,6 +1,6 @@
 """Define the record of a film, which its sidecar stores: dataclasses that are written to JSON and read back.
 
-Each field declares its type and a sentence about it; reading, messages and docs/sidecar.md are made from these. Anybody
+Each field declares its type and a text about it; reading, messages and docs/sidecar.md are made from these. Anybody
 may have edited a sidecar: reading checks everything, and says where a mistake is.
 """
 
@@ -51,49 +51,47 @@ Amounts = Mapping[str, float]
 class SharedProbes:
     """A record of the errors of a frame at the probes that it shares with a neighbouring frame."""
 
-    first: Annotated[int, types.FRAME, "The number of the first of the two frames."]
-    errors: Annotated[
-        tuple[float, ...], types.ERRORS, "The error at each shared probe, picture minus truth, in levels of 8 bits."
-    ]
+    first: Annotated[int, types.FRAME, "Number of the first of the two frames."]
+    errors: Annotated[tuple[float, ...], types.ERRORS, "Picture minus truth at each shared probe, in levels of 8 bits."]
 
 
 @dataclass(frozen=True)
 class FrameAccuracy:
     """A record of how exact a frame is, by exact rays, or paths, through some of its pixels."""
 
-    psnr: Annotated[float, types.DECIBELS, "The PSNR of the rounded picture, in decibels; 200 if probes see no error."]
+    psnr: Annotated[float, types.DECIBELS, "PSNR of the rounded picture; 200 if probes see no error."]
     interval: Annotated[
-        Range, types.INTERVAL, "In 95 % of cases or more, the true PSNR lies between these; 200 means no upper limit."
+        Range, types.INTERVAL, "Bounds of the true PSNR in 95 % of cases or more; 200 means no upper limit."
     ]
-    rays: Annotated[int, types.COUNT, "The number of probed pixels, each of which has several rays or paths."]
-    variance: Annotated[float, types.AMOUNT, "The variance of the squared errors, weighted by the chances of pixels."]
-    largest: Annotated[float, types.AMOUNT, "The largest magnitude of a weighted squared error, which may be below 0."]
+    rays: Annotated[int, types.COUNT, "Probed pixels, each with several rays or paths."]
+    variance: Annotated[float, types.AMOUNT, "Variance of the weighted squared errors."]
+    largest: Annotated[float, types.AMOUNT, "Largest magnitude of a weighted squared error, which may be below 0."]
     largest_error: Annotated[
-        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; too large at edges, and by paths."
+        float, types.AMOUNT, "Largest error of a probed channel, in [0, 1]; too large at edges, and by paths."
     ]
-    mean: Annotated[float | None, types.COORDINATE, "The mean squared error; if left out, that of the PSNR."] = None
-    shared: Annotated[SharedProbes | None, "The errors for flicker, if the frame shares probes with another."] = None
+    mean: Annotated[float | None, types.COORDINATE, "Mean squared error; if left out, the PSNR gives it."] = None
+    shared: Annotated[SharedProbes | None, "Errors for flicker, if another frame shares probes."] = None
 
 
 @dataclass(frozen=True)
 class FrameRecord:
     """A record of one frame: its cut, its cost and its accuracy."""
 
-    frame: Annotated[int, types.FRAME, "The number of the frame on the camera's path."]
-    tolerance: Annotated[float, types.AMOUNT, "The tolerance of the frame's cut."]
-    cells: Annotated[int, types.COUNT, "The number of cells of the cut, each a brick or a splat."]
-    primitives: Annotated[int, types.COUNT, "The number of cells that the view can show and that are drawn."]
-    seconds: Annotated[Amounts, types.AMOUNTS, "The seconds of each step; `encode` includes writing."]
-    rays: Annotated[float | None, types.AMOUNT, "The mean number of rays for each pixel; left out for splats."] = None
-    digest: Annotated[str | None, types.DIGEST, "The digest of the frame's file."] = None
+    frame: Annotated[int, types.FRAME, "Number on the camera's path."]
+    tolerance: Annotated[float, types.AMOUNT, "Tolerance of the frame's cut."]
+    cells: Annotated[int, types.COUNT, "Cells of the cut, each a brick or a splat."]
+    primitives: Annotated[int, types.COUNT, "Cells that the view can show."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "Seconds of each step; `encode` includes writing."]
+    rays: Annotated[float | None, types.AMOUNT, "Mean rays of a pixel; left out for splats."] = None
+    digest: Annotated[str | None, types.DIGEST, "Digest of the frame's file."] = None
     digests: Annotated[Mapping[str, str] | None, types.DIGESTS, "Digests of the pictures for other outputs."] = None
-    predicted_seconds: Annotated[float | None, types.AMOUNT, "The predicted seconds, on a budget of time."] = None
-    device: Annotated[str | None, "The device of the worker that drew the frame, on a cluster."] = None
-    blank: Annotated[bool, "True if nothing of the volume is visible."] = False
-    values: Annotated[Mapping[str, Any] | None, types.DATA, "The values that move, by their keys in the scene."] = None
-    accuracy: Annotated[FrameAccuracy | None, "The accuracy of the picture, by exact rays or paths."] = None
+    predicted_seconds: Annotated[float | None, types.AMOUNT, "Predicted seconds, on a budget of time."] = None
+    device: Annotated[str | None, "Device of the worker, on a cluster."] = None
+    blank: Annotated[bool, "True if nothing is visible."] = False
+    values: Annotated[Mapping[str, Any] | None, types.DATA, "Values that move, by their keys in the scene."] = None
+    accuracy: Annotated[FrameAccuracy | None, "Accuracy of the picture, by exact rays or paths."] = None
     visible: Annotated[
-        tuple[float, ...], types.SHARES, "The opacity that each range of scalars adds to the picture's mean opacity."
+        tuple[float, ...], types.SHARES, "Opacity that each range of scalars adds to the picture's mean opacity."
     ] = ()
 
     def digest_of(self, kind: PictureKind) -> str | None:
@@ -122,44 +120,42 @@ def read_frame_record(value: object) -> FrameRecord | None:
 class LevelRecord:
     """A record of the level of a store that was chosen, as the scene of the film named none."""
 
-    number: Annotated[int, types.COUNT, "The number of the level; 0 is the finest."]
-    num_levels: Annotated[int, types.COUNT, "The number of levels of the store."]
+    number: Annotated[int, types.COUNT, "Number of the level; 0 is the finest."]
+    num_levels: Annotated[int, types.COUNT, "Levels of the store."]
     why: Annotated[str, "Why the level was chosen."]
-    num_bytes: Annotated[int, types.COUNT, "The bytes of its voxels, of one channel and one step in time."]
-    num_measured: Annotated[int, types.COUNT, "The bytes of the finest level that were read to measure coarser ones."]
+    num_bytes: Annotated[int, types.COUNT, "Bytes of its voxels, of one channel and one step in time."]
+    num_measured: Annotated[int, types.COUNT, "Bytes of the finest level that were read to measure coarser ones."]
     exact: Annotated[bool, "Whether the level is as exact as the scene asked."]
-    asked: Annotated[float | None, types.DECIBELS, "The PSNR that the scene asked for; left out at tolerance 0."] = None
-    psnr: Annotated[
-        float | None, types.DECIBELS, "The PSNR of exact pictures against the finest level; left out if not measured."
-    ] = None
-    least: Annotated[float | None, types.DECIBELS, "The PSNR that counts, with a margin for the few rays."] = None
+    asked: Annotated[float | None, types.DECIBELS, "PSNR that the scene asked for; left out at tolerance 0."] = None
+    psnr: Annotated[float | None, types.DECIBELS, "PSNR of exact pictures against level 0, if measured."] = None
+    least: Annotated[float | None, types.DECIBELS, "PSNR with a margin for the few rays."] = None
 
 
 @dataclass(frozen=True)
 class VolumeRecord:
     """A record of the volume that was drawn."""
 
-    name: Annotated[str, "The name of the volume's file, or of its formula."]
-    fingerprint: Annotated[str, types.DIGEST, "The digest of the voxels and of their place in the world."]
-    dtype: Annotated[str, "The numeric type of the voxels."]
-    shape: Annotated[tuple[int, int, int], types.SHAPE, "The number of voxels along x, y and z."]
+    name: Annotated[str, "Name of the volume's file, or of its formula."]
+    fingerprint: Annotated[str, types.DIGEST, "Digest of the voxels and of their place in the world."]
+    dtype: Annotated[str, "Numeric type of the voxels."]
+    shape: Annotated[tuple[int, int, int], types.SHAPE, "Voxels along x, y and z."]
     world_from_index: Annotated[
-        tuple[tuple[float, ...], ...], types.MATRIX, "The matrix from indices of voxels to the world."
+        tuple[tuple[float, ...], ...], types.MATRIX, "Matrix from indices of voxels to the world."
     ]
-    unit: Annotated[str, "The unit of lengths in the world."] = ""
-    level: Annotated[LevelRecord | None, "The level of a store, if it was chosen."] = None
+    unit: Annotated[str, "Unit of lengths in the world."] = ""
+    level: Annotated[LevelRecord | None, "Level of a store, if it was chosen."] = None
 
 
 @dataclass(frozen=True)
 class CameraRecord:
     """A record of the camera's target, its distance, and its place in the picture."""
 
-    target: Annotated[tuple[float, ...], types.VECTOR, "The position in the world that the camera looks at."]
-    distance: Annotated[float, types.AMOUNT, "The distance from the eye to the target, in units of the world."]
+    target: Annotated[tuple[float, ...], types.VECTOR, "Position in the world that the camera looks at."]
+    distance: Annotated[float, types.AMOUNT, "Distance from the eye to the target, in units of the world."]
     shift: Annotated[
         tuple[float, ...] | None,
         types.PAIR,
-        "How far the target is right of and above the middle of the picture, in shares of its sides; left out if 0.",
+        "Place of the target right of and above the picture's middle, in shares of its sides.",
     ] = None
 
 
@@ -167,43 +163,43 @@ class CameraRecord:
 class PyramidRecord:
     """A record of the pyramid of averages and errors."""
 
-    levels: Annotated[int, types.COUNT, "The number of levels above the voxels."]
-    bytes: Annotated[int, types.COUNT, "The memory of the pyramid, in bytes."]
-    finest_level_drawn: Annotated[int, types.COUNT, "The level of the smallest cells that could be drawn."]
+    levels: Annotated[int, types.COUNT, "Levels above the voxels."]
+    bytes: Annotated[int, types.COUNT, "Memory of the pyramid, in bytes."]
+    finest_level_drawn: Annotated[int, types.COUNT, "Level of the smallest cells that could be drawn."]
 
 
 @dataclass(frozen=True)
 class MeasuredRecord:
     """A record of the search for the tolerances that give a wanted accuracy, on some probe frames."""
 
-    metric: Annotated[str, "The metric of the accuracy: `psnr` or `rmse`."]
-    frame: Annotated[int, types.FRAME, "The probe frame with the worst value of the metric."]
-    probes: Annotated[tuple[Annotated[int, types.FRAME], ...], "The numbers of all probe frames."]
-    worst: Annotated[float | None, types.AMOUNT, "The worst value; left out for the PSNR of equal pictures."] = None
+    metric: Annotated[str, "Metric of the accuracy: `psnr` or `rmse`."]
+    frame: Annotated[int, types.FRAME, "Probe frame with the worst value of the metric."]
+    probes: Annotated[tuple[Annotated[int, types.FRAME], ...], "Numbers of all probe frames."]
+    worst: Annotated[float | None, types.AMOUNT, "Worst value; left out for the PSNR of equal pictures."] = None
 
 
 @dataclass(frozen=True)
 class ScheduleRecord:
     """A record of the accuracy that was requested and reached."""
 
-    requested: Annotated[ErrorSpec, ERROR_SECTION, "The accuracy, as a section `error` of a scene."]
-    tolerance: Annotated[Range, types.RANGE, "The smallest and the largest tolerance of a frame."]
-    cells: Annotated[Range, types.RANGE, "The smallest and the largest number of cells of a frame."]
+    requested: Annotated[ErrorSpec, ERROR_SECTION, "Accuracy, as a section `error` of a scene."]
+    tolerance: Annotated[Range, types.RANGE, "Tolerances of frames."]
+    cells: Annotated[Range, types.RANGE, "Cells of frames."]
     met: Annotated[bool, "Whether the film reaches the requested accuracy."]
     reproducible: Annotated[bool, "False if the tolerances depend on the speed of the machine."]
-    shortfall: Annotated[str | None, "The goal that was missed, and by how much."] = None
-    measured: Annotated[MeasuredRecord | None, "The search for tolerances that give the accuracy."] = None
-    made_from: Annotated[str | None, "The sidecar from which the film was made again."] = None
+    shortfall: Annotated[str | None, "Goal that was missed, and by how much."] = None
+    measured: Annotated[MeasuredRecord | None, "Search for tolerances that give the accuracy."] = None
+    made_from: Annotated[str | None, "Sidecar from which the film was made again."] = None
 
 
 @dataclass(frozen=True)
 class WorstFrame:
     """A record of the least exact frame of a film, by the frame's own rays."""
 
-    frame: Annotated[int, types.FRAME, "The number of the frame."]
-    psnr: Annotated[float, types.DECIBELS, "The PSNR of the frame, in decibels."]
+    frame: Annotated[int, types.FRAME, "Number of the frame."]
+    psnr: Annotated[float, types.DECIBELS, "PSNR of the frame."]
     interval: Annotated[
-        Range, types.INTERVAL, "In 95 % of cases or more, the true PSNR lies between these; 200 means no upper limit."
+        Range, types.INTERVAL, "Bounds of the true PSNR in 95 % of cases or more; 200 means no upper limit."
     ]
 
 
@@ -211,20 +207,18 @@ class WorstFrame:
 class FinerFile:
     """A record of another encoding, which keeps more of a film. The compared frames were encoded in both ways."""
 
-    keys: Annotated[Mapping[str, Any], types.DATA, "The keys of the output that differ."]
-    psnr: Annotated[float, types.DECIBELS, "The PSNR of the decoded film against the exact pictures, in decibels."]
-    bytes_ratio: Annotated[float, types.AMOUNT, "The bytes with this encoding, divided by the bytes of the film."]
+    keys: Annotated[Mapping[str, Any], types.DATA, "Keys of the output that differ."]
+    psnr: Annotated[float, types.DECIBELS, "PSNR of the decoded film against the exact pictures."]
+    bytes_ratio: Annotated[float, types.AMOUNT, "Bytes with this encoding, divided by the bytes of the film."]
 
 
 @dataclass(frozen=True)
 class FileAccuracy:
     """A record of the accuracy of a film after encoding."""
 
-    psnr: Annotated[float, types.DECIBELS, "The PSNR of the decoded film against the exact pictures, in decibels."]
-    psnr_of_encoding: Annotated[
-        float, types.DECIBELS, "The PSNR of the decoded frames against the drawn frames, in decibels."
-    ]
-    frames: Annotated[int, types.COUNT, "The number of frames compared, from the first on."]
+    psnr: Annotated[float, types.DECIBELS, "PSNR of the decoded film against the exact pictures."]
+    psnr_of_encoding: Annotated[float, types.DECIBELS, "PSNR of the decoded frames against the drawn ones."]
+    frames: Annotated[int, types.COUNT, "Frames compared, from the first on."]
     finer: Annotated[FinerFile | None, "Another encoding, if the encoder loses more than drawing does."] = None
 
 
@@ -232,52 +226,52 @@ class FileAccuracy:
 class FlickerRecord:
     """A record of flicker: how much the errors of pixels change from one frame to the next."""
 
-    rms: Annotated[float, types.AMOUNT, "The root mean square change of a channel, in levels of 8 bits, 0 to 255."]
-    interval: Annotated[Range, types.RANGE, "In 95 % of cases or more, the true change lies between these."]
-    pairs: Annotated[int, types.COUNT, "The number of pairs of neighbouring frames that share probes."]
-    probes: Annotated[int, types.COUNT, "The number of probes of all pairs."]
+    rms: Annotated[float, types.AMOUNT, "Root mean square change of a channel, in levels of 8 bits, 0 to 255."]
+    interval: Annotated[Range, types.RANGE, "Bounds of the true change in 95 % of cases or more."]
+    pairs: Annotated[int, types.COUNT, "Pairs of neighbouring frames that share probes."]
+    probes: Annotated[int, types.COUNT, "Probes of all pairs."]
 
 
 @dataclass(frozen=True)
 class FilmAccuracy:
     """A record of how exact all frames of a film are together, by exact rays or paths."""
 
-    psnr: Annotated[float, types.DECIBELS, "The PSNR of all frames, from their mean squared error, in decibels."]
+    psnr: Annotated[float, types.DECIBELS, "PSNR of all frames, from their mean squared error."]
     interval: Annotated[
-        Range, types.INTERVAL, "In 95 % of cases or more, the true PSNR lies between these; 200 means no upper limit."
+        Range, types.INTERVAL, "Bounds of the true PSNR in 95 % of cases or more; 200 means no upper limit."
     ]
-    rays: Annotated[int, types.COUNT, "The number of probed pixels in all frames."]
-    worst: Annotated[WorstFrame, "The least exact frame."]
+    rays: Annotated[int, types.COUNT, "Probed pixels in all frames."]
+    worst: Annotated[WorstFrame, "Least exact frame."]
     largest_error: Annotated[
-        float, types.AMOUNT, "The largest error of a probed channel, in [0, 1]; too large at edges, and by paths."
+        float, types.AMOUNT, "Largest error of a probed channel, in [0, 1]; too large at edges, and by paths."
     ]
-    method: Annotated[str, "The method by which pixels are chosen."]
-    seed: Annotated[int, types.COUNT, "The seed of the choice of pixels."]
-    file: Annotated[FileAccuracy | None, "The accuracy of a film in one file; left out for PNG files."] = None
-    flicker: Annotated[FlickerRecord | None, "The change of the errors of drawn pictures from frame to frame."] = None
+    method: Annotated[str, "Method by which pixels are chosen."]
+    seed: Annotated[int, types.COUNT, "Seed of the choice of pixels."]
+    file: Annotated[FileAccuracy | None, "Accuracy of a film in one file; left out for PNG files."] = None
+    flicker: Annotated[FlickerRecord | None, "Change of the errors of drawn pictures from frame to frame."] = None
 
 
 @dataclass(frozen=True)
 class VisibleRange:
     """A record of a range of scalars, with its share of everything visible."""
 
-    share: Annotated[float, types.AMOUNT, "The range's share of the sum of transmittance times opacity."]
-    opacity: Annotated[float, types.AMOUNT, "The largest opacity in the range, per unit of the transfer function."]
-    low: Annotated[float | None, types.COORDINATE, "The smallest scalar; left out for a range without one."] = None
-    high: Annotated[float | None, types.COORDINATE, "The scalar at which the range ends; left out if none."] = None
-    name: Annotated[str | None, "The labels whose values are in the range."] = None
-    layer: Annotated[int | None, types.COUNT, "The number of the volume, from 0, if there are several."] = None
+    share: Annotated[float, types.AMOUNT, "Range's share of the sum of transmittance times opacity."]
+    opacity: Annotated[float, types.AMOUNT, "Largest opacity in the range, per unit of the transfer function."]
+    low: Annotated[float | None, types.COORDINATE, "Smallest scalar; left out for a range without one."] = None
+    high: Annotated[float | None, types.COORDINATE, "Scalar at which the range ends; left out if none."] = None
+    name: Annotated[str | None, "Labels whose values are in the range."] = None
+    layer: Annotated[int | None, types.COUNT, "Number of the volume, from 0, if there are several."] = None
 
 
 @dataclass(frozen=True)
 class OutputRecord:
     """A record of a further output file, made from the same drawn frames as the first one."""
 
-    file: Annotated[str, "The file's name, or the template of its frames, relative to the sidecar."]
-    frames: Annotated[int, types.COUNT, "The number of frames in the file."]
-    digest: Annotated[str | None, types.DIGEST, "The digest of a film in one file."] = None
+    file: Annotated[str, "Name, or template of its frames, relative to the sidecar."]
+    frames: Annotated[int, types.COUNT, "Frames in the file."]
+    digest: Annotated[str | None, types.DIGEST, "Digest of a film in one file."] = None
     psnr_of_encoding: Annotated[
-        float | None, types.DECIBELS, "The PSNR of the first decoded frames against the drawn ones, in decibels."
+        float | None, types.DECIBELS, "PSNR of the first decoded frames against the drawn ones."
     ] = None
 
 
@@ -285,7 +279,7 @@ class OutputRecord:
 class FilmVisibility:
     """A record of the scalars that the pictures of a film show: a visibility histogram, by the rays of its accuracy."""
 
-    coverage: Annotated[float, types.AMOUNT, "The mean opacity of the pictures."]
+    coverage: Annotated[float, types.AMOUNT, "Mean opacity of the pictures."]
     ranges: Annotated[
         tuple[VisibleRange, ...],
         "At most 12 ranges between control points of all transfer functions, or 48 of labels.",
@@ -296,47 +290,47 @@ class FilmVisibility:
 class DifferenceRecord:
     """A record of how much a pass of a progressive film changed the pictures of the pass before."""
 
-    rmse: Annotated[float, types.AMOUNT, "The root mean square change of a channel, in [0, 1]."]
-    frames: Annotated[int, types.COUNT, "The number of frames that were compared."]
-    psnr_db: Annotated[float | None, types.COORDINATE, "The change as a PSNR, in decibels; left out if 0."] = None
+    rmse: Annotated[float, types.AMOUNT, "Root mean square change of a channel, in [0, 1]."]
+    frames: Annotated[int, types.COUNT, "Frames compared."]
+    psnr_db: Annotated[float | None, types.COORDINATE, "Change as a PSNR, in decibels; left out if 0."] = None
 
 
 @dataclass(frozen=True)
 class PassRecord:
     """A record of one pass of a progressive film."""
 
-    tolerance: Annotated[Range, types.RANGE, "The smallest and the largest tolerance of a frame."]
-    cells: Annotated[Range, types.RANGE, "The smallest and the largest number of cells of a frame."]
-    predicted_seconds: Annotated[float, types.AMOUNT, "The predicted seconds of the pass."]
-    seconds: Annotated[float, types.AMOUNT, "The seconds of the pass."]
-    after_seconds: Annotated[float, types.AMOUNT, "The seconds from the start of the job to the end of the pass."]
-    difference: Annotated[DifferenceRecord | None, "The difference from the pass before."] = None
+    tolerance: Annotated[Range, types.RANGE, "Tolerances of frames."]
+    cells: Annotated[Range, types.RANGE, "Cells of frames."]
+    predicted_seconds: Annotated[float, types.AMOUNT, "Predicted seconds of the pass."]
+    seconds: Annotated[float, types.AMOUNT, "Seconds of the pass."]
+    after_seconds: Annotated[float, types.AMOUNT, "Seconds from the start of the job to the end of the pass."]
+    difference: Annotated[DifferenceRecord | None, "Difference from the pass before."] = None
 
 
 @dataclass(frozen=True)
 class PartRecord:
     """A record of a part from which a film was assembled."""
 
-    sidecar: Annotated[str, "The sidecar of the part, relative to this one."]
-    frames: Annotated[Range, types.RANGE, "The first and the last frame that was taken."]
-    num_frames: Annotated[int, types.COUNT, "The number of frames that were taken."]
-    seconds: Annotated[Amounts, types.AMOUNTS, "The seconds of each step of the part."]
-    measured: Annotated[MeasuredRecord | None, "The search for tolerances that give the accuracy."] = None
+    sidecar: Annotated[str, "Sidecar of the part, relative to this one."]
+    frames: Annotated[Range, types.RANGE, "First and last frame that was taken."]
+    num_frames: Annotated[int, types.COUNT, "Frames that were taken."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "Seconds of each step of the part."]
+    measured: Annotated[MeasuredRecord | None, "Search for tolerances that give the accuracy."] = None
 
 
 @dataclass(frozen=True)
 class BrickMemoryRecord:
     """A record of the memory that bricks took; pictures do not depend on it."""
 
-    needed: Annotated[int, types.COUNT, "The bytes of all visible bricks; beyond the limit, bricks are made again."]
-    limit: Annotated[int, types.COUNT, "The most bytes that bricks may take."]
+    needed: Annotated[int, types.COUNT, "Bytes of all visible bricks; beyond the limit, bricks are made again."]
+    limit: Annotated[int, types.COUNT, "Most bytes that bricks may take."]
 
 
 @dataclass(frozen=True)
 class FilmFingerprint:
     """A fingerprint of a film: all inputs that it depends on, besides the numbers of its frames."""
 
-    frames_digest: Annotated[str, types.DIGEST, "The digest of `depends_on`."]
+    frames_digest: Annotated[str, types.DIGEST, "Digest of `depends_on`."]
     encoding: Annotated[Mapping[str, Any], types.DATA, "Formats, frame rate, quality and codec of the files."]
     depends_on: Annotated[Mapping[str, Any], types.DATA, "Scene, voxels, versions and device of the frames."]
 
@@ -355,27 +349,27 @@ class FilmRecord:
         _SCENE,
         "A scene that draws the same frames, with every default.",
     ]
-    volume: Annotated[VolumeRecord, "The volume; of several volumes the first, with the digest of all fingerprints."]
-    camera: Annotated[CameraRecord, "The camera."]
-    pyramid: Annotated[PyramidRecord, "The pyramid."]
+    volume: Annotated[VolumeRecord, "Volume; of several volumes the first, with the digest of all fingerprints."]
+    camera: Annotated[CameraRecord, "Camera."]
+    pyramid: Annotated[PyramidRecord, "Pyramid."]
     device: Annotated[str, "OpenGL's device and driver for splats, the processor for bricks."]
     versions: Annotated[Mapping[str, str], types.TEXTS, "Versions of Python, hsplat and the packages used."]
-    schedule: Annotated[ScheduleRecord, "The accuracy that was requested and reached."]
+    schedule: Annotated[ScheduleRecord, "Accuracy that was requested and reached."]
     notes: Annotated[tuple[str, ...], "Notes for the user."]
-    seconds: Annotated[Amounts, types.AMOUNTS, "The seconds of each step of the whole film."]
-    accuracy: Annotated[FilmAccuracy | None, "The accuracy of all frames together, by exact rays or paths."] = None
-    visibility: Annotated[FilmVisibility | None, "The scalars that the pictures show, by the same rays."] = None
+    seconds: Annotated[Amounts, types.AMOUNTS, "Seconds of each step of the whole film."]
+    accuracy: Annotated[FilmAccuracy | None, "Accuracy of all frames together, by exact rays or paths."] = None
+    visibility: Annotated[FilmVisibility | None, "Scalars that the pictures show, by the same rays."] = None
     volumes: Annotated[tuple[VolumeRecord, ...], "All volumes, if there are several."] = ()
-    memory: Annotated[BrickMemoryRecord | None, "The memory of bricks, if a single process drew."] = None
+    memory: Annotated[BrickMemoryRecord | None, "Memory of bricks, if a single process drew."] = None
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
     fingerprint: Annotated[
-        FilmFingerprint | None, "The fingerprint of the film; left out if a single pass would make another film."
+        FilmFingerprint | None, "Fingerprint of the film; left out if a single pass would make another film."
     ] = None
-    digest: Annotated[str | None, types.DIGEST, "The digest of a film in one file."] = None
+    digest: Annotated[str | None, types.DIGEST, "Digest of a film in one file."] = None
     outputs: Annotated[tuple[OutputRecord, ...], "Further output files, made from the same drawn frames."] = ()
     # The frames, of which there are many, come last in the file.
-    frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
+    frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "Frames, ascending."]
 
     @property
     def numbers(self) -> tuple[int, ...]:

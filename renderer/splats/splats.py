@@ -175,8 +175,8 @@ class SplatBatch:
 def samples_across_at(tolerance: float, cell_px: float, spec: SplatSpec) -> int:
     """Return the number of samples along a pixel's side at a tolerance.
 
-    There are as many as show the footprints of the finest cells without widening them. Decision 064 has what was
-    measured. cell_px: the width of the finest cells, in pixels.
+    There are as many as show the footprints of the finest cells without widening them. Decision 064 has the
+    measurements. cell_px: the width of the finest cells, in pixels.
     """
     if tolerance >= _MAX_SAMPLED_TOLERANCE:
         return 1

@@ -16,16 +16,16 @@ _HEAD = """\
 ## Keys
 
 This section is made from `renderer/record/film_record.py` by `tests/pages/sidecar_page.py`. A key in italics may be
-left out. A number without a range is from 0 to 1e+100, a whole number is 0 or more. A mapping or list *below* has a
-section.
+left out. A number is from 0 to 1e+100, a count a whole number of 0 or more, a frame a whole number to 999999; decibels
+are from -200 to 200. A digest has 32 hexadecimal digits. Keys with *below* have a section.
 """
 # Short words for the values that most keys have.
 _SHORT = {
     "a number from 0 to 1e+100": "number",
-    "a whole number of at least 0": "whole number",
-    "a whole number from 0 to 999999": "whole number to 999999",
-    "a number from -200 to 200": "decibels from -200 to 200",
-    "a mapping with ": "mapping with ",
+    "a whole number of at least 0": "count",
+    "a whole number from 0 to 999999": "frame",
+    "a number from -200 to 200": "decibels",
+    "32 hexadecimal digits": "digest",
     "a list of numbers": "numbers",
     "a list": "list",
     "a mapping": "mapping",
@@ -65,7 +65,7 @@ def _list(cls: Any, paths: list[str]) -> Iterator[str]:
     hints, types = get_type_hints(cls, include_extras=True), schema.field_table(cls)
     for field in dataclasses.fields(cls):
         kind, meaning, read = hints[field.name].__origin__, hints[field.name].__metadata__[-1], types[field.name]
-        below = "list below" if "a list" in read.expected else "mapping below"
+        below = "list below" if "a list" in read.expected else "below"
         is_optional = field.default is not dataclasses.MISSING and not field.default
         name = f"*`{field.name}`*" if is_optional else f"`{field.name}`"
         entry = f"- {name} ({below if _sections_in(kind) else _short(read.expected)}): {meaning}"

@@ -1,8 +1,9 @@
 """Draws a film on a cluster.
 
-The client, and not Dask's scheduler, gives each frame to a worker. So a worker that cannot draw does not take frame
-after frame, and the number of frames under way is bounded. Workers may come and go. A thread for each frame waits for
-its worker. If the worker is lost, another one draws the frame, until MAX_LOSSES workers were lost at the same frame.
+The client gives each frame to a worker. Dask's scheduler would prefer workers that hold a task's data, and give the
+next task at once to a worker that has just failed: one worker would draw everything, or fail at everything. The number
+of frames under way is bounded, too. Workers may come and go. A thread for each frame waits for its worker. If the
+worker is lost, another one draws the frame, until MAX_LOSSES workers were lost at the same frame.
 """
 
 from __future__ import annotations
