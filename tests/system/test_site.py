@@ -1,4 +1,7 @@
-"""The site of the documentation: it is built without a warning, loads nothing from elsewhere, and can be followed."""
+"""The site of the documentation: it is built without a warning, loads nothing from elsewhere, and can be followed.
+
+The site is built by the packages of the extra `docs`: `pip install -e '.[dev,docs]'`.
+"""
 
 from __future__ import annotations
 

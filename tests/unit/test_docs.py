@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
+from concept_figures import FIGURES, PAGES as CONCEPTS, scene_of
 from gallery_page import PAGE as GALLERY_PAGE, gallery_scenes
-from pixels_page import CROPS, PAGE as PIXELS_PAGE
 from scene_page import SCENE_PAGE, scene_page
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
@@ -52,12 +52,16 @@ def test_the_table_of_formats_has_all_of_them() -> None:
         assert names <= {word for key, word in found if key == suffix}, suffix
 
 
-def test_the_page_of_pixels_shows_all_of_its_pictures() -> None:
-    """And they are small enough for a repository."""
-    files = {file.stem: file.stat().st_size for file in PIXELS_PAGE.with_suffix("").iterdir()}
-    assert sorted(re.findall(r"\]\(pixels/(\w+)\.png\)", PIXELS_PAGE.read_text("utf-8"))) == sorted(CROPS)
-    assert files.keys() == CROPS.keys()
-    assert sum(files.values()) < 100_000
+def test_the_pages_of_concepts_show_all_figures_whose_scenes_are_legal() -> None:
+    """And figures are small enough for a repository."""
+    texts = "".join(page.read_text("utf-8") for page in CONCEPTS.glob("*.md"))
+    assert sorted(re.findall(r"\]\((\w+)\.webp\)", texts)) == sorted(FIGURES)
+    files = {file.stem: file.stat().st_size for file in CONCEPTS.glob("*.webp")}
+    assert files.keys() == FIGURES.keys()
+    assert max(files.values()) <= 80_000
+    for figure in FIGURES.values():
+        for panel in figure.panels:
+            scene_of(panel)
 
 
 def test_the_gallery_shows_legal_scenes(tmp_path: Path) -> None:

@@ -60,6 +60,8 @@ def test_all_that_is_missing_has_the_line_that_installs_it(capsys, monkeypatch: 
 
 
 def test_each_extra_for_users_is_known() -> None:
+    """And the extra for tests has all of them; the one for the site is left out, which takes time to install."""
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     table = text.partition("[project.optional-dependencies]\n")[2].partition("\n[")[0]
     assert set(re.findall(r"(?m)^(\w+) = ", table)) - {"docs", "test", "dev"} == EXTRAS.keys()
+    assert set(table.partition('"hsplat[')[2].partition("]")[0].split(",")) == EXTRAS.keys()
