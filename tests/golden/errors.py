@@ -1,18 +1,12 @@
 """Measure how far golden frames of bricks are from exact pictures, in which a pixel is the mean over its area.
 
-`python tests/golden/errors.py BEFORE` prints a table with the PSNR of each golden frame and of the earlier picture of
-the same name in the folder BEFORE. docs/benchmarks/goldens.md has the table. Earlier pictures come from Git:
-
-    git archive COMMIT tests/golden/frames | tar x -C FOLDER
-    python tests/golden/errors.py FOLDER/tests/golden/frames
-
+`python tests/golden/errors.py` prints the PSNR of each golden frame; docs/benchmarks/goldens.md sums it up.
 Transparent frames are compared over black. Pixels under an annotation are left out. Frames with the lines of the octree
 are not measured: their lines cover them.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
@@ -37,15 +31,12 @@ from renderer.truth import PixelMeans  # noqa: E402
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("before", type=Path, metavar="BEFORE", help="the folder with the earlier pictures")
-    before = parser.parse_args().before
-    print("| case | frame | before, dB | now, dB |")
-    print("|---|---|---|---|")
+    print("| case | frame | PSNR, dB |")
+    print("|---|---|---|")
     for case in CASES:
         with tempfile.TemporaryDirectory() as scratch:
-            for number, *decibels in measured(case, scene_of(case, Path(scratch)), before):
-                print(f"| {case} | {number} | {' | '.join(f'{each:.1f}' for each in decibels)} |", flush=True)
+            for number, decibels in measured(case, scene_of(case, Path(scratch))):
+                print(f"| {case} | {number} | {decibels:.1f} |", flush=True)
 
 
 def scene_of(case: Case, scratch: Path) -> FilmScene:
@@ -54,16 +45,14 @@ def scene_of(case: Case, scratch: Path) -> FilmScene:
     return load_job(SceneRequest(SCENE, case.changes, volume), "nothing").scene
 
 
-def measured(case: Case, scene: FilmScene, before: Path) -> Iterator[tuple[int, float, float]]:
-    """Yield the number of each golden of a scene, and the PSNR of its earlier picture and of its picture now."""
+def measured(case: Case, scene: FilmScene) -> Iterator[tuple[int, float]]:
+    """Yield the number of each golden of a scene, and its PSNR in decibels."""
     if scene.needs_opengl or scene.at(0).annotation.octree:
         return
     with prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores()) as stage:
         for golden in json.loads((case.folder / "golden.json").read_bytes())["frames"]:
-            number, means = golden["frame"], open_means(stage, golden["frame"])
-            file = golden["pictures"][0]["file"]
-            earlier, now = (psnr_of(folder / file, means) for folder in (before / case.name, case.folder))
-            yield number, earlier, now
+            number = golden["frame"]
+            yield number, psnr_of(case.folder / golden["pictures"][0]["file"], open_means(stage, number))
 
 
 def open_means(stage: FilmStage, frame: int) -> PixelMeans:
