@@ -164,7 +164,10 @@ def _ffmpeg() -> str:
 
 
 def _requirements() -> tuple[dict[str, str], dict[str, dict[str, str]]]:
-    """Return the packages that hsplat needs, and those of each extra; each by its name, with its requirement."""
+    """Return the packages that hsplat needs, and those of each extra; each by its name, with its requirement.
+
+    A package that only some platforms install is left out: it is OpenGL's, which is a part of its own.
+    """
     needed: dict[str, str] = {}
     extras: dict[str, dict[str, str]] = {name: {} for name in EXTRAS}
     try:
@@ -175,9 +178,9 @@ def _requirements() -> tuple[dict[str, str], dict[str, dict[str, str]]]:
         line, _, marker = requirement.partition(";")
         (name,) = re.findall(r"^[\w.-]+", line)
         extra = re.search(r"""extra == ["']([\w-]+)""", marker)
-        if extra is None:
+        if not marker:
             needed[name] = line.strip()
-        elif extra[1] in extras:
+        elif extra and extra[1] in extras:
             extras[extra[1]][name] = line.strip()
     return needed, extras
 

@@ -150,13 +150,16 @@ def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bo
 
 def _compiler(target: str, cpu: str) -> list[str]:
     if "CXX" in os.environ:
-        return [os.environ["CXX"], f"-march={cpu.replace('_v', '-v').replace('x86_', 'x86-')}"]
+        # clang takes a level of x86-64 as an architecture, and every other processor by its name.
+        option = f"-march={cpu.replace('_', '-')}" if cpu.startswith("x86_64") else f"-mcpu={cpu}"
+        return [os.environ["CXX"], option]
     return [sys.executable, "-m", "ziglang", "c++", "-target", TARGETS[target], f"-mcpu={cpu}"]
 
 
 def _linker(target: str, library: Path) -> list[str]:
     if "CXX" in os.environ:
-        return [os.environ["CXX"], "-shared", "-nostdlib", "-o", str(library)]
+        undefined = ("-undefined", "dynamic_lookup") if target.startswith("macos") else ()  # Python's process has them
+        return [os.environ["CXX"], "-shared", "-nostdlib", *undefined, "-o", str(library)]
     # `zig build-lib` links, as `zig c++` would first compile its own C library, for minutes.
     options = ("-dynamic", "-fstrip", "-fno-compiler-rt", "-fno-ubsan-rt", "-fallow-shlib-undefined")
     return [sys.executable, "-m", "ziglang", "build-lib", "-target", TARGETS[target], *options, f"-femit-bin={library}"]

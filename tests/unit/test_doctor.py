@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -59,9 +60,19 @@ def test_all_that_is_missing_has_the_line_that_installs_it(capsys, monkeypatch: 
     assert re.search(missing, text)
 
 
+def test_films_can_be_drawn_without_the_package_that_calls_opengl(capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(metadata, "requires", lambda _: ["moderngl>=5.10; platform_machine == 'x86_64'"])
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    parts = examine(capsys, 0)["parts"]
+    assert "moderngl" not in parts
+    assert parts["opengl"]["problem"] == "the package moderngl is not installed"
+    assert parts["opengl"]["remedy"] == "pip install 'hsplat[splats]'"
+
+
 def test_each_extra_for_users_is_known() -> None:
     """And the extra for tests has all of them; the one for the site is left out, which takes time to install."""
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     table = text.partition("[project.optional-dependencies]\n")[2].partition("\n[")[0]
-    assert set(re.findall(r"(?m)^(\w+) = ", table)) - {"docs", "test", "dev"} == EXTRAS.keys()
-    assert set(table.partition('"hsplat[')[2].partition("]")[0].split(",")) == EXTRAS.keys()
+    extras = {*EXTRAS, "splats"}  # OpenGL is a part of its own
+    assert set(re.findall(r"(?m)^(\w+) = ", table)) - {"docs", "test", "dev"} == extras
+    assert set(table.partition('"hsplat[')[2].partition("]")[0].split(",")) == extras

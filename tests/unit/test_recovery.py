@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import itertools
 import re
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,8 +19,8 @@ from small_scene import small_scene
 from splatting import in_order, look, place_splats
 
 from hsplat_cli import main
-from renderer.draw import RecoveringRasterizer, SplatRasterizer
-from renderer.errors import ContextLostError, RenderError
+from renderer.draw import RecoveringRasterizer, SplatRasterizer, open_rasterizer
+from renderer.errors import ContextLostError, InputError, RenderError
 from renderer.frame import ScheduleController, Stage
 from renderer.job import draw_frames
 from renderer.volume import Float32
@@ -214,3 +215,10 @@ def test_a_context_is_lost_while_it_is_opened(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(moderngl.Context, "buffer", refuse)
     with pytest.raises(ContextLostError, match="its context was lost\n  got: cannot create it"):
         SplatRasterizer()
+
+
+def test_splats_need_a_package_that_some_platforms_install_as_an_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    with pytest.raises(InputError, match="the package moderngl is not installed") as refused:
+        open_rasterizer(SCENES["gaussian"])
+    assert refused.value.hint == "pip install 'hsplat[splats]'"

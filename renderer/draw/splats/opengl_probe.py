@@ -6,8 +6,7 @@ import json
 import os
 import subprocess
 
-from renderer.draw.splats.splat_rasterizer import SplatRasterizer
-from renderer.errors import RenderError
+from renderer.errors import RenderError, require_package
 from renderer.system import ChildProcesses, describe_exit
 
 # The seconds after which a driver counts as hanging. Mesa's software renderer answers in 0.3 s.
@@ -15,7 +14,11 @@ _PATIENCE = 20.0
 
 
 def describe_opengl() -> str:
-    """Return the names of the OpenGL device and driver that draw splats. Raises RenderError if there are none."""
+    """Return the names of the OpenGL device and driver that draw splats.
+
+    Raises RenderError if there are none, and InputError if the package that calls OpenGL is not installed.
+    """
+    require_package("moderngl", extra="splats")
     with ChildProcesses() as children:
         asked = children.start(__name__, [], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         with asked:
@@ -34,6 +37,8 @@ def describe_opengl() -> str:
 
 def _main() -> None:
     """Write the device, or the error, as JSON to the standard output, as the child process."""
+    from renderer.draw.splats.splat_rasterizer import SplatRasterizer
+
     try:
         with SplatRasterizer() as rasterizer:
             told = {"device": rasterizer.device}
