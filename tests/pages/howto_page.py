@@ -18,14 +18,13 @@ from renderer import load_scene, render
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "howto"
 SAMPLES = FOLDER / "samples.md"
-# A block of code: the reason why it is not run, where a comment before it has one, its language, and its text.
-_BLOCK = re.compile(r"(?:<!-- Not run: (.+?) -->\s+)?^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
+# A block of code, perhaps in a list: its language, and its text.
+_BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 
 
 class Block(NamedTuple):
-    """A block of code on a page. not_run: the reason why no test runs it; empty where a test does."""
+    """A block of code on a page."""
 
-    not_run: str
     language: str
     text: str
 
@@ -38,7 +37,7 @@ def howto_pages() -> list[Path]:
 def blocks_of(page: Path) -> list[Block]:
     """Return the blocks of a page in their order."""
     found = _BLOCK.findall(page.read_text("utf-8"))
-    return [Block(not_run, language, textwrap.dedent(text)) for not_run, language, text in found]
+    return [Block(language, textwrap.dedent(text)) for language, text in found]
 
 
 def words_of(page: Path) -> int:

@@ -62,7 +62,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
-@pytest.mark.parametrize("page", map(_runs, howto_pages()))
+@pytest.mark.parametrize("page", [_runs(page) for page in howto_pages()])
 def test_all_blocks_of_a_page_run(
     page: Path,
     samples: Path,
@@ -75,9 +75,7 @@ def test_all_blocks_of_a_page_run(
     shutil.copytree(samples, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     printed = ""
-    for not_run, language, text in blocks_of(page):
-        if not_run:
-            continue
+    for language, text in blocks_of(page):
         if language == "yaml":
             Path("scene.yaml").write_text(_smaller(text), "utf-8")
             assert render_frame("scene.yaml", -1).any()
