@@ -61,7 +61,8 @@ def read_npy(path: Path, time: int | None, component: int | None) -> Image:
     """Read a `.npy` array [z, y, x] (or [y, x]), with spacing 1 and origin 0; booleans become 0 and 1.
 
     Four axes are [t, z, y, x] with `time: k`, and [z, y, x, c] or [c, z, y, x] with `component: k`; five axes are
-    [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for files that are foreign, truncated or not numeric.
+    [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for files that are foreign, truncated or not
+    numeric.
     """
     with path.open("rb") as file:
         shape, dtype, order = _npy_header(file, path)
