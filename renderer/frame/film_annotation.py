@@ -32,6 +32,9 @@ from renderer.scene import PictureKind, join_words, raise_problems
 from renderer.view import View
 from renderer.volume import Bools, Float32
 
+# Names that take more than this share of the picture's width leave the object small, which a note says.
+_LARGE_SHARE = 0.5
+
 
 class FilmAnnotation:
     """A painter of a film's annotation over the pictures of its frames. film: the stage of the film."""
@@ -124,6 +127,13 @@ def _view_before(film: FilmStage, frame: int) -> View:
 def annotation_notes(stage: FilmStage) -> Iterator[str]:
     """Yield notes on a film's annotation that are shown to the user."""
     annotation = stage.scene.at(0).annotation
+    names, _ = names_of(stage.scene, stage.layers)
+    if names:
+        facts = film_facts(stage.first.scene, stage.layers, stage.scene.output.kind.at(0), names)
+        share = Annotator(annotation, facts).names_share
+        if share > _LARGE_SHARE and annotation.layout == "beside":
+            taken = f"names take {100 * share:.0f} % of the picture's width, and the object has the rest"
+            yield f"{taken}; a wider output.size, or a smaller annotation.names.size, leaves it more room"
     if annotation.scale_bar is not None and not length_unit(stage.layers):
         yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"
     if annotation.shows_anything and stage.scene.error.probes != 0 and stage.scene.at(0).light is None:
