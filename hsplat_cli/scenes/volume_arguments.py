@@ -136,8 +136,9 @@ def volume_options() -> Callable[[Callable[..., None]], Callable[..., None]]:
         _keyed(
             "--component",
             _VOLUME["component"],
-            "N|color",
-            "Read this one of several components, from 0; or color.  [default: the first, or colours]",
+            "N|color|all",
+            "Read this one of several components, from 0; or color; or all, each as light of its own.  "
+            "[default: the first, or colours]",
         ),
         _keyed(
             "--dataset",

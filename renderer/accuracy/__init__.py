@@ -8,7 +8,7 @@ only if the scene asks for an accuracy.
   of light; `prober.py`: the number of probes of a frame, and their errors; `estimate.py`: the estimate and its
   interval; `decibels.py`: from errors to decibels and back.
 - `visibility.py`: the ranges of scalars whose share of the picture is recorded; `glance.py`: the faults of the pictures
-  of a film before it is drawn; `darkness.py`: why a picture is dark.
+  of a film before it is drawn; `darkness.py`: why a picture is dark; `overexposure.py`: whether it is too bright.
 - `truths.py`: the exact picture of a frame, or of some of its pixels; `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E.
 - `flicker.py`: how much errors change from frame to frame, by whole pictures; `shared_probes.py`: the same by probes.
 - `search.py`: the coarsest tolerances for a wanted accuracy; `tolerances.py`: the tolerances that are worth trying;

@@ -1,4 +1,5 @@
-"""Look at a film before it is drawn, by a few exact rays: does it show nothing, a dark picture, or the volume's box?
+"""Look at a film before it is drawn, by a few exact rays: does it show nothing, the volume's box, or a picture that is
+dark or too bright?
 
 A user then does not spend minutes of drawing on such a film without a warning.
 """
@@ -13,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.accuracy.darkness import Darkness, darkness_of
+from renderer.accuracy.overexposure import overexposed_share, overexposure_note
 from renderer.accuracy.truths import is_loop, spread_evenly
 from renderer.film import over_background
 from renderer.frame import FilmStage, Stage, StageMaker, prepare_stage, view_of
@@ -71,7 +73,7 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
     Frames that show next to nothing are a fault only if they are at least half of these frames: films fade in and out.
     """
     numbers = spread_evenly(frames, _MOST_FRAMES, is_loop=is_loop(stage.scene.at(0).camera.path))
-    seen, are_boxes, darkness = list[float](), list[list[bool]](), list[Darkness]()
+    seen, are_boxes, darkness, overexposed = list[float](), list[list[bool]](), list[Darkness](), list[float]()
     rays = SceneRays(stage, num_threads=num_threads) if isinstance(stage, Stage) else None
     for number in numbers:
         at = stage if isinstance(stage, Stage) else _stage_at(stage, number, num_threads)
@@ -80,11 +82,14 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
         radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, places, _STEP_VOXELS)
         seen.append(_seen(at, view, radiance))
         darkness.append(darkness_of(at, radiance))
+        overexposed.append(overexposed_share(radiance))
         are_boxes.append([_is_box(layer, view, places, radiance[:, 3]) for layer in at.layers])
     empty = [number for number, part in zip(numbers, seen, strict=True) if part < _LEAST_SEEN]
     found = [_empty_glance(stage, empty, max(seen))] if 2 * len(empty) >= len(numbers) else []
     if not found and (note := max(darkness).note):
         found = [Glance("dark", note)]
+    if not found and (note := overexposure_note(at, overexposed)):
+        found = [Glance("too bright", note)]
     boxes = np.all(are_boxes, axis=0).tolist()
     if stage.not_framed:
         part = f"{100 * stage.not_framed:.2g} %"

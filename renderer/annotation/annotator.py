@@ -148,6 +148,13 @@ class Annotator:
                 found[side, rank] = NamePlace(row, column, line, inner if side == "left" else width - inner)
         return found
 
+    @property
+    def names_share(self) -> float:
+        """Return the share of the picture's width that the columns of names take."""
+        width = self._facts.size[0]
+        ends = {side: place.inner for (side, _), place in self.name_places.items()}
+        return sum(inner if side == "left" else width - inner for side, inner in ends.items()) / width
+
     @cached_property
     def _name_px(self) -> int:
         """Return the height of names in pixels: their own or that of texts or, if these do not fit, one that fits."""

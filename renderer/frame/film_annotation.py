@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from math import ceil
 
 import numpy as np
 
@@ -28,9 +29,16 @@ from renderer.errors import Problem
 from renderer.frame.camera_framing import WIDEST_PSNR, names_of, spread, tried_frames
 from renderer.frame.stage import FilmStage, Stage, view_of
 from renderer.layers import Layer
-from renderer.scene import PictureKind, join_words, raise_problems
+from renderer.scene import AnnotationSpec, PictureKind, join_words, raise_problems
 from renderer.view import View
 from renderer.volume import Bools, Float32
+
+# Names that take more than this share of the picture's width leave the object small, which a note says.
+_LARGE_SHARE = 0.5
+# The least height of a printed text that most journals take, in points.
+_LEAST_PT = 5
+# The entries that are no texts, whose size is that of a picture.
+_NO_TEXTS = ("logo", "orientation")
 
 
 class FilmAnnotation:
@@ -121,9 +129,29 @@ def _view_before(film: FilmStage, frame: int) -> View:
     return view_of(replace(film.first, scene=scene, distance=scene.camera.distance or film.distance), frame)
 
 
+def _print_notes(annotation: AnnotationSpec, kind: PictureKind) -> Iterator[str]:
+    """Yield a note on texts that are too small in print, if the picture has a printed size."""
+    texts = [key for key in annotation.entries if key not in _NO_TEXTS]
+    if kind.dpi is None or not texts:
+        return
+    smallest, pt_of_height = min(texts, key=annotation.size_of), 72 * kind.size[1] / kind.dpi
+    if (pt := annotation.size_of(smallest) * pt_of_height) < _LEAST_PT:
+        key = "size" if annotation.entries[smallest].size is None else f"{smallest}.size"
+        size = ceil(1000 * _LEAST_PT / pt_of_height) / 1000
+        yield f"texts of {pt:.2g} pt are small in print: annotation.{key}: {size:g} makes them {_LEAST_PT} pt high"
+
+
 def annotation_notes(stage: FilmStage) -> Iterator[str]:
     """Yield notes on a film's annotation that are shown to the user."""
     annotation = stage.scene.at(0).annotation
+    yield from _print_notes(annotation, stage.scene.output.kind.at(0))
+    names, _ = names_of(stage.scene, stage.layers)
+    if names:
+        facts = film_facts(stage.first.scene, stage.layers, stage.scene.output.kind.at(0), names)
+        share = Annotator(annotation, facts).names_share
+        if share > _LARGE_SHARE and annotation.layout == "beside":
+            taken = f"names take {100 * share:.0f} % of the picture's width, and the object has the rest"
+            yield f"{taken}; a wider output.size, or a smaller annotation.names.size, leaves it more room"
     if annotation.scale_bar is not None and not length_unit(stage.layers):
         yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"
     if annotation.shows_anything and stage.scene.error.probes != 0 and stage.scene.at(0).light is None:

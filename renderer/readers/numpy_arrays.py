@@ -18,7 +18,7 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.components import choose, select_index
+from renderer.readers.components import MAX_LIGHTS, choose, select_index
 from renderer.readers.file_errors import damaged_error, require_exists, unreadable_error
 from renderer.readers.image import Image
 from renderer.readers.statements import FormatTable, Statement
@@ -60,8 +60,9 @@ _ARCHIVE_ERRORS = (
 def read_npy(path: Path, time: int | None, component: int | None) -> Image:
     """Read a `.npy` array [z, y, x] (or [y, x]), with spacing 1 and origin 0; booleans become 0 and 1.
 
-    Four axes are [t, z, y, x] with `time: k`, and [z, y, x, c] with `component: k`; five axes are [t, z, y, x, c].
-    Pickled objects are never loaded. Raises InputError for files that are foreign, truncated or not numeric.
+    Four axes are [t, z, y, x] with `time: k`, and [z, y, x, c] or [c, z, y, x] with `component: k`; five axes are
+    [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for files that are foreign, truncated or not
+    numeric.
     """
     with path.open("rb") as file:
         shape, dtype, order = _npy_header(file, path)
@@ -127,24 +128,35 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:
     """Return a letter for each axis of an array: `s` for space, `t` for time, `c` for components.
 
-    Raises InputError if the axes are ambiguous or too many.
+    Of four axes, the first one holds components if it is as short as channels are, and the last one is longer; else the
+    last one does. Raises InputError if the axes are ambiguous or too many.
     """
     num_axes = len(shape)
+    is_first = num_axes == 4 and shape[0] <= MAX_LIGHTS < shape[-1]
     if num_axes == 4 and time is None and component is None:
-        raise InputError(
-            "the array has four axes",
-            got=describe_shape(shape),
-            expected=f"`time: k` with k from 0 to {shape[0] - 1} if the first axis is time, or "
-            f"`component: k` with k from 0 to {shape[-1] - 1} if the last axis holds components",
-            hint="`component: color` draws a last axis of colours" if shape[-1] in (3, 4) else None,
-        )
+        raise _ambiguous_axes_error(shape, is_first=is_first)
     if not 3 <= num_axes <= 5 or (num_axes == 4 and time is not None and component is not None):
         raise InputError(
             "the array does not have the axes of a volume",
             got=f"{num_axes} axes, {describe_shape(shape) or 'a single number'}",
-            expected="[z, y, x], or [time, z, y, x] with `time`, or [z, y, x, component] with `component`",
+            expected="[z, y, x], or [time, z, y, x] with `time`, or [z, y, x, component] or [component, z, y, x] with "
+            "`component`",
         )
-    return {3: "sss", 4: "sssc" if time is None else "tsss", 5: "tsssc"}[num_axes]
+    of_components = "csss" if is_first else "sssc"
+    return {3: "sss", 4: of_components if time is None else "tsss", 5: "tsssc"}[num_axes]
+
+
+def _ambiguous_axes_error(shape: tuple[int, ...], *, is_first: bool) -> InputError:
+    """Return the error for four axes without a choice. is_first: whether components would be along the first axis."""
+    num_components, place = (shape[0], "it") if is_first else (shape[-1], "the last axis")
+    hint = "`component: color` draws a last axis of colours" if shape[-1] in (3, 4) else None
+    return InputError(
+        "the array has four axes",
+        got=describe_shape(shape),
+        expected=f"`time: k` with k from 0 to {shape[0] - 1} if the first axis is time, or "
+        f"`component: k` with k from 0 to {num_components - 1} if {place} holds components",
+        hint="`component: all` draws all components in one picture, each in a colour of its own" if is_first else hint,
+    )
 
 
 def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any], Literal["C", "F"]]:

@@ -76,11 +76,22 @@ def key_schema(key: str, field: FieldType[Any], moves: bool = True) -> JsonSchem
     shape = {"title": key, "description": "\n".join(key_lines(field))} | field.schema(moves)
     if field.default is not None:
         # A default beside the title would be written into a scene with its section. In `allOf` it is only proposed.
-        return shape | {"allOf": [*shape.get("allOf", []), {"default": field.default}]}
+        proposed = {"allOf": [*shape.get("allOf", []), {"default": field.default}]}
+        # Editors write 0 for a number without an example.
+        is_number = shape.get("type") in ("number", "integer")
+        return shape | proposed | ({"examples": [field.default]} if is_number else {})
     example = parse_yaml(example_of(field)).data if example_of(field) else None
-    # Editors write lists inside of lists wrongly.
-    has_lists = isinstance(example, list) and any(isinstance(item, list) for item in example)
-    return shape if example is None or has_lists else shape | {"examples": [example]}
+    return shape if example is None or _is_written_wrongly(example) else shape | {"examples": [example]}
+
+
+def _is_written_wrongly(example: object) -> bool:
+    """Return whether editors write an example wrongly.
+
+    They write `[object Object]` for lists and mappings in a list, and texts in a mapping without their quotes.
+    """
+    if isinstance(example, Mapping):
+        return any(isinstance(item, str) and not _PLAIN_TEXT.fullmatch(item) for item in example.values())
+    return isinstance(example, list) and any(isinstance(item, (list, Mapping)) for item in example)
 
 
 def key_lines(field: FieldType[Any]) -> list[str]:

@@ -109,6 +109,20 @@ def test_a_dark_picture_says_why(sections: Any, reason: str) -> None:
     assert len(notes) == bool(reason) and all(reason in note for note in notes)
 
 
+@pytest.mark.parametrize(
+    ("shading", "is_too_bright"),
+    [({"ambient": 0.9, "diffuse": 0.8}, True), ({"ambient": 0.45, "diffuse": 0.6}, False), ({}, False)],
+)
+def test_a_picture_that_is_too_bright(shading: Any, is_too_bright: bool) -> None:
+    """White matter in more light than white; suggested shading is no mistake."""
+    sections = {"shading": {"light": "camera"} | shading} if shading else {}
+    scene = parse_scene(scene_of([[100, 0], [160, 0.9]], **sections), base=Path())
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+        glances = look_ahead(stage, range(6), num_threads=2)
+    assert [each.word for each in glances] == ["too bright"] * is_too_bright
+    assert all("smaller shading.ambient, shading.diffuse or shading.specular" in each.note for each in glances)
+
+
 def test_frames_that_show_nothing_are_told_where_they_are_many() -> None:
     """A film may fade in; one that shows nothing for most of its time is told."""
 

@@ -25,7 +25,7 @@ from renderer.annotation import (
     ordered_names,
 )
 from renderer.draw import BrickRasterizer
-from renderer.frame import FilmAnnotation, Stage, prepare_stage, render_frames, view_of
+from renderer.frame import FilmAnnotation, Stage, annotation_notes, prepare_stage, render_frames, view_of
 from renderer.scene import FilmScene, parse_scene, scene_to_dict
 from renderer.volume import make_volume
 
@@ -151,6 +151,20 @@ def test_names_without_room_or_side_or_labels_are_told() -> None:
     assert {
         each.side for each in named_labels(stage.layers, label_points(stage.layers), stage.scene.camera.path, ["right"])
     } == {"right"}
+
+
+def test_a_note_says_that_long_names_leave_little_room() -> None:
+    long = {number: f"{text} of all" for number, text in NAMES.items()}
+    labels = {"show": list(NAMES), "names": long, "colors": COLORS, "opacity": 1}
+    for sections, is_noted in (
+        ({"labels": labels}, True),
+        ({"labels": labels, "annotation": {"names": True, "layout": "over"}}, False),
+        ({"labels": labels, "output": {"file": "{frame}.png", "size": [960, 240]}}, False),
+        ({}, False),
+    ):
+        with prepare_stage(scene_of(1, **sections), clock=lambda: 0.0, num_threads=2) as stage:
+            notes = [note for note in annotation_notes(stage) if "names take" in note]
+        assert len(notes) == is_noted and all("wider output.size" in note for note in notes)
 
 
 def test_each_label_has_points_on_its_border_even_one_voxel_of_many() -> None:

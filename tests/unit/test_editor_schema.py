@@ -117,6 +117,17 @@ def test_completing_a_section_writes_no_defaults() -> None:
     assert not [each for each in parts if "title" in each and "default" in each]
 
 
+def test_editors_can_write_every_example() -> None:
+    """They write `[object Object]` for an item of a list, drop the quotes of a text, and write 0 without an example."""
+    shapes = {key: schema.key_schema(key, field) for key, field in scene_keys()}
+    examples = [example for shape in shapes.values() for example in shape.get("examples", [])]
+    assert not [each for each in examples if isinstance(each, list) and any(isinstance(it, list | dict) for it in each)]
+    assert not [each for each in examples if isinstance(each, dict) and any("#" in str(it) for it in each.values())]
+    numbers = {key: shape for key, shape in shapes.items() if shape.get("type") in ("number", "integer")}
+    assert numbers and all("examples" in shape for shape in numbers.values())
+    assert shapes["output.quality"]["examples"] == [8]
+
+
 def _mappings(part: Any) -> Iterator[dict[str, Any]]:
     """Yield the mappings inside of a JSON Schema, with those inside of lists."""
     if isinstance(part, dict):

@@ -14,6 +14,7 @@ from PIL import Image
 
 from renderer.errors import SceneError
 from renderer.film import Picture, film_notes
+from renderer.frame import annotation_notes, prepare_stage
 from renderer.scene import OutputSpec, parse_scene, scene_to_dict
 
 
@@ -99,3 +100,20 @@ def test_wrong_printed_sizes_are_told() -> None:
             parse_scene(scene_to_dict(PLAIN) | {"output": {"file": "{frame}.png"} | keys}, base=Path())
         (problem,) = caught.value.problems
         assert (problem.path, problem.what) == (path, what)
+
+
+def test_a_note_says_that_texts_are_small_in_print() -> None:
+    for annotation, width, remedy in (
+        ({"scale_bar": True}, "40 mm", "annotation.size: 0.059 makes"),
+        ({"scale_bar": {"size": 0.01}, "size": 0.1}, "40 mm", "annotation.scale_bar.size: 0.059 makes"),
+        ({"scale_bar": True, "size": 0.059}, "40 mm", ""),
+        ({"scale_bar": True}, "85 mm", ""),
+        ({"orientation": {"size": 0.02}}, "40 mm", ""),
+    ):
+        tree: dict[str, Any] = {"volume": {"procedural": {"name": "engine_block", "shape": [16, 16, 16]}}}
+        tree["transfer_function"] = {"colormap": "gray", "range": [0, 255], "opacity": [[80, 0], [255, 0.5]]}
+        tree |= {"camera": {"path": {"type": "turntable", "frames": 1}}, "annotation": annotation}
+        tree["output"] = {"file": "a.png", "size": {"width": width, "dpi": 300}}
+        with prepare_stage(parse_scene(tree, base=Path()), clock=lambda: 0.0, num_threads=1) as stage:
+            notes = [note for note in annotation_notes(stage) if "small in print" in note]
+        assert len(notes) == bool(remedy) and all(remedy in note for note in notes)

@@ -188,6 +188,17 @@ def test_npy_axes(tmp_path):
     np.testing.assert_array_equal(read(tmp_path / "2.npy", time=0, component=0).values, values[0, 0, :1])
 
 
+def test_a_short_first_axis_of_npy_holds_components(tmp_path):
+    """With a last axis that is longer than components are, as of two channels of a microscope."""
+    values = ramp("uint16", (2, 3, 4, 9))
+    np.save(tmp_path / "a.npy", values)
+    np.testing.assert_array_equal(read(tmp_path / "a.npy", component=1).values, values[1])
+    np.testing.assert_array_equal(read(tmp_path / "a.npy", time=1).values, values[1])
+    error = refused(tmp_path / "a.npy", match="four axes")
+    assert "`component: k` with k from 0 to 1 if it holds components" in str(error.expected)
+    assert error.hint is not None and error.hint.startswith("`component: all`")
+
+
 def test_plane_is_one_slice(tmp_path):
     write_image(tmp_path / "a.mha", ramp("uint8")[0], spacing=(0.5, 2.0, 1.0), origin=(7.0, 8.0, 0.0))
     volume = read(tmp_path / "a.mha")
