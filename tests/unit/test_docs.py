@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 import pytest
-from gallery_page import PAGE as GALLERY_PAGE, gallery_scenes
 from pixels_page import CROPS, PAGE as PIXELS_PAGE
 from scene_page import SCENE_PAGE, scene_page
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
@@ -58,15 +57,6 @@ def test_the_page_of_pixels_shows_all_of_its_pictures() -> None:
     assert sorted(re.findall(r"\]\(pixels/(\w+)\.png\)", PIXELS_PAGE.read_text("utf-8"))) == sorted(CROPS)
     assert files.keys() == CROPS.keys()
     assert sum(files.values()) < 100_000
-
-
-def test_the_gallery_shows_legal_scenes(tmp_path: Path) -> None:
-    scenes = gallery_scenes()
-    assert len(scenes) == len(re.findall("(?m)^## ", GALLERY_PAGE.read_text("utf-8"))) == 28
-    for name, text in scenes.items():
-        (tmp_path / "scene.yaml").write_text(text, "utf-8")
-        assert load_scene(tmp_path / "scene.yaml").output.file == Path(f"{name}.webp")
-        assert (GALLERY_PAGE.with_name("gallery") / f"{name}.webp").is_file()
 
 
 def _with_line(scene: str, line: str) -> str:
