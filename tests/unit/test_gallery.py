@@ -22,6 +22,10 @@ MOST_WORDS = 1_200
 # By how much a drawn picture without annotation is smaller than the one on the page, along each axis.
 DIVISOR = 6
 
+# The scenes that take two seconds or more of processor time each, here.
+SLOW = ("corner", "mask", "named", "outdoor", "overcast")
+NAMES = [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in SCENES]
+
 
 def test_every_entry_has_a_picture_a_cost_and_a_scene() -> None:
     text = PAGE.read_text("utf-8")
@@ -57,6 +61,7 @@ def difference_of(name: str, folder: Path) -> float:
     return float(np.abs(means - drawn).mean())
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_scene_draws_its_picture(name: str, tmp_path: Path) -> None:
+    """Good ones differ by 0.7 to 5.6 levels, mostly at the edges of the light's coarser cells; other colours by 8."""
     assert difference_of(name, tmp_path) < 7
