@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from concept_figures import FIGURES, PAGES as CONCEPTS, scene_of
-from gallery_page import PAGE as GALLERY_PAGE, gallery_scenes
 from scene_page import SCENE_PAGE, scene_page
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
@@ -62,15 +61,6 @@ def test_the_pages_of_concepts_show_all_figures_whose_scenes_are_legal() -> None
     for figure in FIGURES.values():
         for panel in figure.panels:
             scene_of(panel)
-
-
-def test_the_gallery_shows_legal_scenes(tmp_path: Path) -> None:
-    scenes = gallery_scenes()
-    assert len(scenes) == len(re.findall("(?m)^## ", GALLERY_PAGE.read_text("utf-8"))) == 28
-    for name, text in scenes.items():
-        (tmp_path / "scene.yaml").write_text(text, "utf-8")
-        assert load_scene(tmp_path / "scene.yaml").output.file == Path(f"{name}.webp")
-        assert (GALLERY_PAGE.with_name("gallery") / f"{name}.webp").is_file()
 
 
 def _with_line(scene: str, line: str) -> str:
