@@ -162,7 +162,10 @@ def _linker(target: str, library: Path) -> list[str]:
         return [os.environ["CXX"], "-shared", "-nostdlib", *undefined, "-o", str(library)]
     # `zig build-lib` links, as `zig c++` would first compile its own C library, for minutes.
     options = ("-dynamic", "-fstrip", "-fno-compiler-rt", "-fno-ubsan-rt", "-fallow-shlib-undefined")
-    return [sys.executable, "-m", "ziglang", "build-lib", "-target", TARGETS[target], *options, f"-femit-bin={library}"]
+    # On macOS a library contains its own name, which would be this path, another one in each build.
+    name = ("-install_name", f"{library.stem}.so") if target.startswith("macos") else ()
+    command = [sys.executable, "-m", "ziglang", "build-lib", "-target", TARGETS[target]]
+    return [*command, *options, *name, f"-femit-bin={library}"]
 
 
 def _run(folder: Path, *command: object) -> None:
