@@ -138,7 +138,7 @@ def test_init_takes_pictures_and_vectors_for_no_channels(tmp_path: Path, capsys:
 
 
 def test_no_layers_for_each_of_very_many_components(tmp_path: Path) -> None:
-    np.save(path := tmp_path / "a.npy", np.zeros((2, 2, 2, 2000), np.uint8))
+    np.save(path := tmp_path / "a.npy", np.zeros((9, 2, 2, 2000), np.uint8))
     with pytest.raises(InputError, match="too many components"):
         load_job(SceneRequest(scene_file(path)))
 

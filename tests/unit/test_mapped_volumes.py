@@ -96,11 +96,15 @@ def test_contiguous_parts_are_mapped(tmp_path: Path) -> None:
         ({"time": 1}, values[1], True),
         ({"time": 2, "crop": ((0, 11), (0, 7), (2, 5))}, values[2, 2:5], True),
         ({"time": 2, "crop": ((0, 11), (1, 7), (2, 5))}, values[2, 2:5, 1:], False),
-        ({"component": 4}, values[..., 4], False),
+        ({"component": 1}, values[1], True),
     ):
         volume = read(tmp_path / "v.npy", **options)
         np.testing.assert_array_equal(volume.values, part)
         assert (volume.source is not None) == is_mapped
+    np.save(tmp_path / "last.npy", values[..., :8])
+    volume = read(tmp_path / "last.npy", component=4)
+    np.testing.assert_array_equal(volume.values, values[..., 4])
+    assert volume.source is None
 
 
 def test_volumes_with_voxels_without_data_are_copied(tmp_path: Path) -> None:

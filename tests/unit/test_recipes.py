@@ -14,12 +14,13 @@ def test_the_recipe_has_the_version_and_the_requirements_of_the_project() -> Non
     project = (ROOT / "pyproject.toml").read_text("utf-8")
     recipe = yaml.safe_load((ROOT / ".ci/recipes/recipe.yaml").read_text("utf-8"))
     (version,) = re.findall(r'(?m)^version = "(.*)"$', project)
-    (python,) = re.findall(r'(?m)^requires-python = "(.*)"$', project)
     (setuptools,) = re.findall(r'"(setuptools>=\d+)"', project)
     dependencies = re.findall(r'(?m)^  "([^"]+)",', project.partition("\ndependencies = [\n")[2].partition("\n]")[0])
     assert len(dependencies) > 5
     assert recipe["context"]["version"] == version
-    assert _without_spaces(recipe["requirements"]["run"]) == [f"python{python}", *dependencies]
+    # conda-forge builds for the versions of Python that it supports, and has moderngl for every machine.
+    own = [each.partition(";")[0] for each in dependencies]
+    assert _without_spaces(recipe["requirements"]["run"]) == ["python", *own]
     assert setuptools in _without_spaces(recipe["requirements"]["host"])
 
 
