@@ -153,7 +153,10 @@ class StageMaker:
             if digest not in made:
                 options: dict[str, Any] = {"finest_cut": finest_cut, "num_threads": self.num_threads, "lap": lap}
                 made[digest] = self.layers.get(digest) or make_layer(spec, scene, volume, **options)
-            layers.append(replace(made[digest], spec=spec, shading=scene.shading_of(spec)))
+            layer = replace(made[digest], spec=spec, shading=scene.shading_of(spec))
+            if layer.volume.name != volume.name:  # another file with the same voxels
+                layer = replace(layer, volume=replace(layer.volume, name=volume.name))
+            layers.append(layer)
         self.layers = made
         return tuple(layers)
 

@@ -270,7 +270,7 @@ def test_entries_have_the_color_and_size_of_the_annotation_or_their_own() -> Non
 def test_a_legend_names_volumes_without_names_by_file_and_component(tmp_path: Path) -> None:
     values = np.random.default_rng(1).integers(0, 255, (2, 9, 9, 9), np.uint8)
     np.save(tmp_path / "cells.npy", values)
-    np.save(tmp_path / "tissue.npy", 255 - values[0])
+    np.save(tmp_path / "tissue.npy", values[0])  # the voxels of component 0
     look = {"color": "lime", "range": [10, 200]}
     volumes = [{"file": "cells.npy", "component": k} | look for k in range(2)]
     volumes += [{"file": "tissue.npy"} | look, {"file": "tissue.npy", "name": "Tissue"} | look]
