@@ -1,6 +1,6 @@
 """Draw docs/trade.png, a frame of the demo at four tolerances: `python tests/pages/trade_page.py`.
 
-It prints the accuracy and the processor time of each picture, which docs/precision.md states.
+It prints the accuracy of each picture, which docs/precision.md states, and its processor time.
 """
 
 from __future__ import annotations
