@@ -219,7 +219,10 @@ _MARK = b'; of "'
 
 
 def marked_scene(text: str, volume_path: str) -> bytes:
-    """Return a scene with a last line that names its volume, and has a digest, which shows whether it was edited."""
+    """Return a scene with a last line that names its volume, and has a digest, which shows whether it was edited.
+
+    So a scene that may be replaced is known without turntable.json, also after it was moved with its volume.
+    """
     volume = json.dumps(volume_path)
     marked = f"{SCHEMA_LINE}{text}\n# `hsplat turntable` replaces this file while nobody has changed it; of {volume}: "
     return f"{marked}{bytes_digest(marked.encode())}\n".encode()

@@ -18,7 +18,8 @@ from renderer.volume import Float64, Int64
 
 # Rows of the tolerance from which on strides are used, the distance between drawn pixels that the cells must allow, and
 # the strides of the subsampled pixel grids, from coarse to fine. The first row that fits is taken; if none does, every
-# pixel is drawn. Decision 025 has the measurements.
+# pixel is drawn. With a stride of 4 first below 0.6, pictures lose 0.3 to 4 dB. With a stride of 2 below 0.15, thin
+# wires look dashed, and a chest takes 1.2 times the time.
 STRIDES = ((2.0, 8, (8, 4)), (1.0, 4, (4, 2)), (0.6, 4, (4, 1)), (0.15, 4, (2, 1)))
 # The largest distance between two nodes (drawn pixels) of a subsampled pixel grid at the tolerance
 # STRIDE_TOLERANCE_UNIT, in widths of the finest drawn cells. It grows in proportion to the tolerance: four cells at
@@ -30,7 +31,7 @@ STRIDE_TOLERANCE_UNIT = 0.1
 # The largest distance between two nodes of a subsampled pixel grid, as a share of the volume's thinnest side.
 MAX_STRIDE_THICKNESS = 0.5
 # Pixels between nodes of a subsampled pixel grid are interpolated if the nodes' colours, from 0 to 1, differ by at most
-# this times the tolerance.
+# this times the tolerance. With 1, pictures take half of the time, but a chest loses 10 dB.
 DIFFERENCE_THRESHOLD = 0.35
 # The largest difference, of colours from 0 to 1, up to which pixels are interpolated, however coarse the tolerance is.
 MAX_DIFFERENCE_THRESHOLD = 0.35

@@ -8,9 +8,12 @@ In cells of the brick, this part of the ray has the length L. It is divided into
 segments of equal world length h, or one more where n is a multiple of four: a brick is 16 cells wide, and 8, 16 or 32
 samples along an axis would lie alike in their cells, in brick after brick. The jitter, from 0 to 1, differs from pixel
 to pixel: it is the fraction of (column, row) . JITTER_PER_PX. It turns errors into noise of a grey step or less.
-Without jitter, rings would show where n changes, and all samples of a brick would err alike. (DITHER and JITTER_PER_PX
-are constants of the kernels, in `rays.h`.) In the middle of each segment, the field is sampled, with linear
-interpolation between the centres of cells:
+Without jitter, rings would show where n changes, and all samples of a brick would err alike: means over 8 x 8 pixels
+have 0.35 to 0.7 of the error with it, and 0.7 to 0.95 without DITHER. A pixel has the same jitter on every frame, or
+still parts would flicker. Segments are equal, as errors then fall with the square of the step; segments that grow along
+a ray leave a pattern. If n were odd throughout, pictures would lose 0.5 to 1.5 dB. (DITHER and JITTER_PER_PX are
+constants of the kernels, in `rays.h`.) In the middle of each segment, the field is sampled, with linear interpolation
+between the centres of cells:
 
     level 0     u, a scalar; then the colour c and the extinction tau of u, each piecewise linear; with light, c times
                 the factor of the interpolated gradient, and the other effects of ShadingSpec
@@ -48,7 +51,9 @@ MAX_STEP = 4.0
 UNIT_STEP_ERROR = 0.5
 # The length of a step grows with this power of the tolerance divided by the step error estimate. Errors grow with
 # step_error * step^2, numbers of samples with 1 / step. Of all step lengths with the same sum of squared errors, the
-# ones with step^5 ~ 1 / step_error^2 have the fewest samples.
+# ones with step^5 ~ 1 / step_error^2 have the fewest samples. Thin structures (bonsai) have 53 dB in the time in which
+# equal steps give 44 dB, and a pre-integrated transfer function (Engel et al. 2001) with these steps 49 dB: its
+# trapezoid rule has twice the error where the field is smooth.
 STEP_EXPONENT = 0.4
 # The step error estimate of samples near a face that clipping cuts, where light changes within FACE_DEPTH voxels.
 FACE_STEP_ERROR = 0.05

@@ -67,7 +67,8 @@ class LODCostEstimator:
     """An estimator of the seconds that frames of a stage take at each level of detail, from frames that were drawn.
 
     Drawing a frame takes `fixed + rate * typical seconds`, which is fitted to the trials. It is multiplied by the
-    median, over the last frames of the film, of the ratio between true and predicted seconds.
+    median, over the last frames of the film, of the ratio between true and predicted seconds. Rates of their own for
+    splats, pixels and frames kept fewer frames of splats in time, 44 % in place of 60 %, and as many of bricks.
     """
 
     def __init__(self, stage: FilmStage) -> None:

@@ -1,6 +1,7 @@
 """Make a film: from a job and an executor to the film and its record.
 
-This is the only film job. It locks the output, finds out whether the film is up to date, prepares the stage, has the
+This is the only film job: the command line, the Python API and clusters use it, so that each finishes films that
+another one has started. It locks the output, finds out whether the film is up to date, prepares the stage, has the
 frames drawn in one pass or several, and writes the film and its sidecar. It may be killed at any moment, and resumes.
 """
 

@@ -3,6 +3,9 @@
 The grid has the axes of the world, covers all visible matter, and has one empty cell beyond each border. The widths and
 the corners of its cells are multiples of steps, so that cells keep their places where the visible matter grows a little
 from one frame to the next.
+
+The light grid of occlusion and shadow (`light_grid.py`) is another grid. It belongs to one volume and turns with it; it
+leaves out the first two cells, and looks as far as a radius; it takes a twentieth of the time.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Compute the fingerprint of a film: all data that its frames depend on, and the settings of their encoding."""
+"""Compute the fingerprint of a film: all data that its frames depend on, and the settings of their encoding.
+
+It has the accuracy that was requested, not the tolerances that were found for it. A film is therefore up to date both
+for its scene and for its sidecar, which has these tolerances, whichever of the two made it.
+"""
 
 from __future__ import annotations
 

@@ -45,10 +45,12 @@ class GaussianFootprint:
     rims of a row of splats cross a pixel's centre together.
 
     Plain Gaussians on a regular grid ripple: along an axis by `4 exp(-2 pi^2 sigma^2)`, 3 % at 0.5 cells and 11 % at
-    0.425. Wide Gaussians blur. Here, a Gaussian of variance `s^2` loses its spectrum at the two lowest frequencies of
-    the grid, `exp(-2 pi^2 s^2 f^2) (1 - f^2) (1 - f^2 / 2)` with f per cell. Its variance is then `s^2 + 3 / (4 pi^2)`,
-    and in space, with `a = 1 / (4 pi^2 s^2)` and `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is `1 + 3/2
-    a (u - 2) + 1/2 a^2 (u^2 - 8 u + 8)`, which is nowhere negative for s > 0.26.
+    0.425. Wide Gaussians blur: an engine at tolerance 0 has 35.4 dB with 0.5 cells, and 36.2 dB with this footprint at
+    0.425, the default, which ripples by 0.6 %; at 0.40 it has 36.5 dB and ripples by 2.8 %. Here, a Gaussian of
+    variance `s^2` loses its spectrum at the two lowest frequencies of the grid, `exp(-2 pi^2 s^2 f^2) (1 - f^2) (1 -
+    f^2 / 2)` with f per cell. Its variance is then `s^2 + 3 / (4 pi^2)`, and in space, with `a = 1 / (4 pi^2 s^2)` and
+    `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is `1 + 3/2 a (u - 2) + 1/2 a^2 (u^2 - 8 u + 8)`, which is
+    nowhere negative for s > 0.26.
 
     decay, coefficients, rim: the constants of the weight: `decay`, (c0, c1, c2) and `rim`.
     cutoff: the radius of the footprint, in standard deviations.
@@ -175,8 +177,8 @@ class SplatBatch:
 def samples_across_at(tolerance: float, cell_px: float, spec: SplatSpec) -> int:
     """Return the number of samples along a pixel's side at a tolerance.
 
-    There are as many as show the footprints of the finest cells without widening them. Decision 064 has the
-    measurements. cell_px: the width of the finest cells, in pixels.
+    There are as many as show the footprints of the finest cells without widening them; decision 064 in docs/decisions
+    has the measurements. cell_px: the width of the finest cells, in pixels.
     """
     if tolerance >= _MAX_SAMPLED_TOLERANCE:
         return 1

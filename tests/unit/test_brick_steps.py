@@ -13,7 +13,7 @@ from renderer.bricks import BRICK_SIZE, step_sizes
 # The shortest step, in cells of a brick.
 MIN_STEP = 1 / 128
 
-# From corner to corner of a brick, in the shortest steps; decision 015 in docs/decisions states it.
+# From corner to corner of a brick, in the shortest steps, with the jitter that adds samples.
 MOST_SAMPLES = 3814
 
 
