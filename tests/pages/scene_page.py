@@ -26,7 +26,6 @@ _LIKE_VOLUME = ("volumes", "mask")
 _REPEATED = (*(SECTIONS["volume"].table or {}), *SECTIONS)
 # A path of several pieces.
 _PIECES = "[{type: turntable, seconds: 2}, {type: hold, frames: 20}]"
-_MOTIONS = {"linear": "", "ratio": " (in even ratios)", "direction": " (on the sphere)"}
 
 
 def scene_page() -> str:
@@ -153,7 +152,7 @@ def _moving() -> Iterator[str]:
         section, _, rest = key.partition(".")
         is_repeated = section in _LIKE_VOLUME and rest.partition(".")[0] in _REPEATED
         if field.motion is not None and rest and not is_repeated:
-            by_section.setdefault(section, []).append(f"`{rest}`{_MOTIONS[field.motion]}")
+            by_section.setdefault(section, []).append(f"`{rest}`")
     for section, keys in by_section.items():
         yield from textwrap.wrap(f"- `{section}`: {', '.join(keys)}", _WIDTH, subsequent_indent="  ")
 
