@@ -427,7 +427,7 @@ class CameraSpec:
         _SHIFT,
         KeyText(
             "How far right and up of the middle the target is, as shares of the picture's width and height.",
-            "the middle of the room that `annotation` leaves, or with `distance` of the picture",
+            "the middle of the room that `annotation` leaves",
             "[0.1, 0]",
         ),
     ] = None
