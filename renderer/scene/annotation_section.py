@@ -239,7 +239,7 @@ class AnnotationSpec:
     color_bar: Annotated[
         ColorBarSpec | None,
         _entry(ColorBarSpec, "right"),
-        KeyText("The colors and opacities of a transfer function, with its values.", "none"),
+        KeyText("The colors and opacities of a transfer function.", "none"),
     ] = None
     scale_bar: Annotated[
         EntrySpec | None, _entry(EntrySpec, "bottom-left"), KeyText("A bar of a round length.", "none")
@@ -252,10 +252,8 @@ class AnnotationSpec:
         _entry(EntrySpec, "bottom-right", 0.12),
         KeyText("Arrows along the axes of the world.", "none"),
     ] = None
-    bounds: Annotated[bool, KeyText("Whether lines along the volume's box are drawn, with ticks.")] = False
-    octree: Annotated[bool, KeyText("Whether lines along the edges of the cells are drawn, colored by their size.")] = (
-        False
-    )
+    bounds: Annotated[bool, KeyText("Whether the volume's box is drawn, with ticks.")] = False
+    octree: Annotated[bool, KeyText("Whether the edges of cells are drawn, colored by size.")] = False
     font: Annotated[
         Path | None,
         file_field("the file of a font: TrueType or OpenType", folder=False),
@@ -264,12 +262,12 @@ class AnnotationSpec:
 
     layout: Annotated[
         Literal["beside", "over"],
-        KeyText("`beside`: the object is framed into the room that entries leave. `over`: entries are over it."),
+        KeyText("`beside`: the object has the room that entries leave. `over`: entries are over it."),
     ] = "beside"
     color: Annotated[
         Color | Literal["auto"],
         _COLOR,
-        KeyText("The color of all entries; `auto`: dark where the background is light or transparent, else light."),
+        KeyText("The color of all entries; `auto`: dark before a light or transparent background, else light."),
     ] = "auto"
     size: Annotated[float, _SIZE, KeyText("The height of all texts, as a share of the picture's.")] = 0.03
     names: Annotated[

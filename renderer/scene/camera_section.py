@@ -389,10 +389,10 @@ class CameraSpec:
     follow: see `target`. loop: with `ping-pong`, the camera goes along its path and back again.
     """
 
-    path: Annotated[CameraPath, _PATH, KeyText("The way of the camera: one path, or a list of paths in a row.")]
+    path: Annotated[CameraPath, _PATH, KeyText("The path of the camera, or a list of paths in a row.")]
     projection: Annotated[
         Literal["perspective", "orthographic"],
-        KeyText("`orthographic`: no foreshortening; the picture is as high as that of `perspective` at the target."),
+        KeyText("`orthographic`: no foreshortening; sizes at the target are those of `perspective`."),
     ] = "perspective"
     field_of_view: Annotated[
         float,
@@ -413,31 +413,31 @@ class CameraSpec:
         schema.LENGTH_FIELD,
         KeyText(
             "The distance from the eye to the target, in world units.",
-            "so that everything visible fits into the picture on the whole path",
+            "so that everything visible fits",
             "716",
         ),
     ] = None
     near: Annotated[
         float,
         schema.number_field(minimum=0, maximum=schema.MAX_WORLD_LENGTH),
-        KeyText("Nothing nearer to the plane of the eye than this is drawn, in world units."),
+        KeyText("The distance from the eye's plane below which nothing is drawn."),
     ] = 0.0
     shift: Annotated[
         tuple[float, float] | None,
         _SHIFT,
         KeyText(
-            "How far the target is to the right and up of the picture's middle, as shares of its width and height.",
-            "the middle of the room that `annotation` leaves, or of the picture where `distance` is given",
+            "How far right and up of the middle the target is, as shares of the picture's width and height.",
+            "the middle of the room that `annotation` leaves",
             "[0.1, 0]",
         ),
     ] = None
     follow: Annotated[
         bool,
-        KeyText("With `target: visible`: whether the target is the centre of each frame, and not of the whole film."),
+        KeyText("With `target: visible`: whether the target is the centre of each frame, not of the film."),
     ] = False
     loop: Annotated[
         Literal["restart", "ping-pong"],
-        KeyText("`restart`: the film ends with the path. `ping-pong`: the camera goes along its path and back."),
+        KeyText("`restart`: the film ends with the path. `ping-pong`: the camera goes back, too."),
     ] = "restart"
 
     @property

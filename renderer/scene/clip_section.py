@@ -68,8 +68,7 @@ class ClipSpec:
     fixed: Annotated[
         Literal["object", "camera"],
         KeyText(
-            "`object`: it turns with the object, in world axes. `camera`: it stays in front of the viewer, in the "
-            "camera's axes, from the camera's target."
+            "`object`: in world axes, and it turns with the object. `camera`: in the camera's axes, from the target."
         ),
     ] = "object"
     invert: Annotated[bool, KeyText("Whether the other side is clipped away; of a box, all but its inside.")] = False

@@ -91,19 +91,19 @@ class ErrorSpec:
     ] = "optical"
     of: Annotated[
         Literal["classified", "scalar"],
-        KeyText("With `rms`: whether errors are of the classified values, or of the scalar, in its unit."),
+        KeyText("With `rms`: whether errors are of the classified values or of the scalar."),
     ] = "classified"
     finest_level: Annotated[
         int,
         schema.integer_field(minimum=0, maximum=MAX_LEVEL),
-        KeyText("Cells are at least 2^finest_level voxels wide: 3 draws none smaller than 8 x 8 x 8."),
+        KeyText("The level of the smallest cells: at 3 they are 8 x 8 x 8 voxels."),
     ] = 0
     probes: Annotated[
         int | None,
         _PROBES,
         KeyText(
-            "The number of pixels whose exact rays measure the accuracy of a frame. `auto`: 16 at 512 x 512, and 8 "
-            "with `light`. 0: it is not measured."
+            "The number of exact pixels that measure the accuracy of a frame. `auto`: 16 at 512 x 512, or"
+            " 8 with `light`."
         ),
     ] = None
     goal: SplatBudget | TimeBudget | MetricTarget | None = None
@@ -153,22 +153,22 @@ _SCHEDULES: dict[str, schema.FieldType[Any]] = {
     ),
     "splats": schema.described(
         schema.integer_field(minimum=1, maximum=MAX_SPLATS, zero_hint=_SPLATS_HINT, motion="ratio"),
-        "In place of `tolerance`: the largest number of bricks of a frame, or of cells where splats are drawn.",
+        "In place of `tolerance`: the largest number of bricks in a frame, or of splats.",
         example="200",
     ),
     "seconds": schema.described(
         schema.number_field(minimum=MIN_SECONDS, maximum=LONGEST_S, zero_hint=_SECONDS_HINT, motion="ratio"),
-        "In place of `tolerance`: the time in which this machine draws each frame.",
+        "In place of `tolerance`: the time for each frame on this machine.",
         example="0.5",
     ),
     "psnr": schema.described(
         schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT, motion=None),
-        "In place of `tolerance`: the PSNR of the whole film against exact pictures, in dB.",
+        "In place of `tolerance`: the PSNR of the film against exact pictures, in dB.",
         example="40",
     ),
     "rmse": schema.described(
         schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT, motion=None),
-        "In place of `tolerance`: the root mean square difference between colors of the film and of exact pictures.",
+        "In place of `tolerance`: the root mean square difference of colors from exact pictures.",
         example="0.01",
     ),
 }

@@ -35,8 +35,7 @@ class FogSpec:
         tuple[float, float],
         _RANGE,
         KeyText(
-            "The depths between which matter takes on the fog's color, in world units from the camera's target away "
-            "from the eye: none at the first, all at the second.",
+            "The depths where fog begins and where it is all that is seen, in world units behind the camera's target.",
             example="[-20, 60]",
         ),
     ]

@@ -154,8 +154,8 @@ _CHOICE: schema.FieldTable = {
     "hide": schema.described(_LABELS, "Labels that are not shown.", words="none", example="[7]"),
     "names": schema.described(
         _by_label(schema.text_field("a name", "no name", str.strip), _NAMES, file_field(_NAMES, folder=False)),
-        "The file of a table of labels, or the names of numbers, such as {3: putamen}.",
-        words="the table in the volume's file, or beside it",
+        "The file of a table of labels, or names, such as {3: putamen}.",
+        words="the one in or beside the volume's file",
         example="labels.ctbl",
     ),
 }
@@ -168,7 +168,7 @@ LABELS_TABLE: schema.FieldTable = {
     ),
     "opacity": schema.described(
         _by_label(_PART, "a number from 0 to 1, or a mapping from labels to such numbers", _PART),
-        "The opacity of matter as thick as `unit`: one for all labels, or by label, such as {3: 0.2}.",
+        "The opacity of all labels, or by label, such as {3: 0.2}.",
         words="from a table, else 1",
         example="1",
     ),

@@ -139,7 +139,7 @@ _OWN_TABLE: schema.FieldTable = {
     "labels": schema.described(LABELS_FIELD, "In place of `transfer_function`: the labels that are shown."),
     "color": schema.described(
         COLOR_FIELD,
-        "In place of `transfer_function`, with `range`: nothing is seen at its first value, this color at its second.",
+        "In place of `transfer_function`, with `range`: nothing shows at its first value, this color at its second.",
         example='"#ff8000"',
     ),
     "range": schema.described(

@@ -144,21 +144,17 @@ class LightSpec:
     environment: Annotated[
         EnvironmentSpec,
         _ENVIRONMENT,
-        KeyText(
-            "The surroundings, from which light comes in all directions: `studio`, `outdoor`, `overcast`, or colors."
-        ),
+        KeyText("The surroundings: `studio`, `outdoor`, `overcast`, or colors."),
     ] = ENVIRONMENTS["studio"]
     up: Annotated[Vector, _UP, KeyText("The direction to the top of the environment.")] = (0.0, 0.0, 1.0)
     key: Annotated[
         KeySpec | None,
-        KeyText("A lamp far away. It turns with the object unless its direction is `camera`.", "no lamp"),
+        KeyText("A lamp far away, which turns with the object unless its direction is `camera`.", "no lamp"),
     ] = None
     scattering: Annotated[
         float, _SHARE, KeyText("How strongly matter scatters light on its way; 0: matter only shadows.")
     ] = 1.0
-    surface: Annotated[
-        float, _SHARE, KeyText("How much of a boundary reflects light as a surface: 0.8 shows folds and edges.")
-    ] = 0.0
+    surface: Annotated[float, _SHARE, KeyText("How much of a boundary reflects light as a surface.")] = 0.0
     specular: Annotated[float, _SHARE, KeyText("The strength of highlights of the key light on surfaces.")] = 0.0
     shininess: Annotated[float, _SHININESS, KeyText("The exponent of highlights: a larger one makes them smaller.")] = (
         32.0
@@ -166,14 +162,9 @@ class LightSpec:
     exposure: Annotated[
         float | None,
         _EXPOSURE,
-        KeyText(
-            "The brightness of the whole film, in stops: 1 is twice as bright as 0. `auto`: matter is about as bright "
-            "as in even white light."
-        ),
+        KeyText("The brightness of the film, in stops. `auto`: matter is about as bright as in even white light."),
     ] = None
-    cells: Annotated[
-        int, _CELLS, KeyText("The most cells along an axis of the grid of light: more are more exact, and slower.")
-    ] = 128
+    cells: Annotated[int, _CELLS, KeyText("The most cells along an axis of the grid of light.")] = 128
 
     @property
     def surfaces(self) -> SurfaceSpec | None:

@@ -48,15 +48,15 @@ class ModeSpec:
         ModeName,
         schema.choice_field(*MODE_NAMES, aliases=_ALIASES),
         KeyText(
-            "`emission_absorption`: matter glows and absorbs. A projection shows the `maximum`, `minimum` or `mean` of "
-            "a ray, or its `attenuation`, as of X-rays."
+            "`emission_absorption`: matter glows and absorbs. A projection shows the `maximum`, "
+            "`minimum`, `mean` or `attenuation` (as of X-rays) of a ray."
         ),
     ] = "emission_absorption"
     scale: Annotated[
         float | None,
         schema.number_field(above=0),
         KeyText(
-            "With `attenuation`, which needs it: how much a value 1 above `zero` attenuates in a world unit.",
+            "With `attenuation`, which needs it: the attenuation in a world unit by a value 1 above `zero`.",
             example="0.00002",
         ),
     ] = None
@@ -67,7 +67,7 @@ class ModeSpec:
     ] = None
     color_by: Annotated[
         Literal["value", "depth"],
-        KeyText("With `maximum`: `value` colors a ray by its maximum, `depth` by the depth where the maximum lies."),
+        KeyText("With `maximum`: whether a ray is colored by its maximum or by the depth of the maximum."),
     ] = "value"
 
     @property

@@ -127,12 +127,12 @@ class OutputFile:
     background: Annotated[
         Background | Motion[Background],
         _BACKGROUND,
-        KeyText("The color behind everything, `transparent`, or a gradient such as {top: white, bottom: black}."),
+        KeyText("The background: a color, `transparent`, or a gradient such as {top: white, bottom: black}."),
     ] = (0.0, 0.0, 0.0)
     quality: Annotated[
         float,
         schema.number_field(minimum=0, maximum=MAX_QUALITY, motion=None),
-        KeyText("From 0, the smallest file, to 10, the best picture, where the encoder has a choice."),
+        KeyText("From 0, the smallest file, to 10, the best picture."),
     ] = 8.0
     codec: Annotated[
         str | None, schema.TEXT_FIELD, KeyText("The encoder of a film.", "the first of the format", "hevc")
@@ -140,7 +140,7 @@ class OutputFile:
     crf: Annotated[
         float | None,
         schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None),
-        KeyText("In place of `quality`: the constant rate factor, where the encoder has one.", "by quality", "18"),
+        KeyText("In place of `quality`: the constant rate factor.", "by quality", "18"),
     ] = None
     pixel_format: Annotated[
         str | None,

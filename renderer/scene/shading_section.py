@@ -61,12 +61,12 @@ class ShadingSpec:
         share `1 - product of (1 - w)` of the light, each in proportion to its weight; the gradient has the remainder.
     """
 
-    ambient: Annotated[Fraction, KeyText("The light that reaches every point, as a share of its color.")] = 0.3
+    ambient: Annotated[Fraction, KeyText("The light on every point, as a share of its color.")] = 0.3
     diffuse: Annotated[Fraction, KeyText("The light on surfaces that face the light, as a share of their color.")] = 0.7
     light: Annotated[
         schema.Vector | Literal["camera"],
         _LIGHT,
-        KeyText("The direction from the object to the light, which turns with the object; `camera`: from the viewer."),
+        KeyText("The direction to the light, which turns with the object; `camera`: from the viewer."),
     ] = (1.0, -1.0, 1.0)
     specular: Annotated[Fraction, KeyText("The strength of white highlights.")] = 0.0
     shininess: Annotated[
@@ -79,7 +79,7 @@ class ShadingSpec:
         tuple[tuple[float, float], ...] | None,
         _GRADIENT_OPACITY,
         KeyText(
-            "Factors on extinction by the gradient, in values per world unit: boundaries show, and even matter fades.",
+            "Factors on extinction by the gradient, in values per world unit: even matter fades.",
             "no factors",
             "[[0, 0], [30, 1]]",
         ),
@@ -96,7 +96,7 @@ class ShadingSpec:
     silhouette: Annotated[Fraction, KeyText("How strongly surfaces seen edge-on are darkened.")] = 0.0
     cut_faces: Annotated[
         bool,
-        KeyText("Whether faces that `clip` cuts are lit as surfaces; false: by the gradient, as all other points."),
+        KeyText("Whether faces that `clip` cuts are lit as surfaces; false: by the gradient."),
     ] = True
 
     @property

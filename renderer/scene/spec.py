@@ -52,7 +52,7 @@ class PyramidSpec:
     ] = "extinction"
     precision: Annotated[
         Literal["half", "single"],
-        schema.KeyText("The type of averages. `half`: float16, with a relative error of 2^-11. `single`: float32."),
+        schema.KeyText("The type of averages: `half` is float16, `single` float32."),
     ] = "half"
 
 
@@ -75,19 +75,19 @@ _DESCRIBED: schema.FieldTable = {
     ),
     "labels": schema.described(
         LABELS_FIELD,
-        "In place of `transfer_function`: the labels of a segmentation that are shown, and their colors.",
+        "In place of `transfer_function`: the labels of a segmentation, and their colors.",
         example="{show: [3, thalamus]}",
     ),
     "camera": schema.described(CAMERA_FIELD, "The camera and its path."),
     "output": schema.described(
         OUTPUT_SECTION,
-        "The file of the film, or a list of files that show the same film.",
+        "The file of the film, or a list of its files.",
         example="{file: scan.mp4, size: [1024, 1024]}",
     ),
     "error": schema.described(ERROR_SECTION, "How exact the film is.", words=f"tolerance: {ErrorSpec.tolerance}"),
     "splat": schema.described(
         SPLAT_SECTION,
-        "The primitive that is drawn for each cell: a splat or a brick.",
+        "The primitives that are drawn.",
         words="footprint: integrated, which draws bricks",
         example="{footprint: gaussian, sigma: 0.425}",
     ),
@@ -96,16 +96,14 @@ _DESCRIBED: schema.FieldTable = {
         "The averages of voxels that larger cells have.",
         words=f"average: {PyramidSpec.average}, precision: {PyramidSpec.precision}",
     ),
-    "shading": schema.described(
-        schema.dataclass_field(ShadingSpec), "A light on surfaces, and how clearly they are seen.", words="even light"
-    ),
+    "shading": schema.described(schema.dataclass_field(ShadingSpec), "A light on surfaces.", words="even light"),
     "light": schema.described(
         schema.dataclass_field(LightSpec),
         "In place of `shading`: surroundings and a lamp, whose light matter scatters.",
         words="no such light",
     ),
     "fog": schema.described(
-        schema.dataclass_field(FogSpec), "Matter takes on the fog's color from one depth to another.", words="no fog"
+        schema.dataclass_field(FogSpec), "Matter takes on the fog's color with depth.", words="no fog"
     ),
     "mode": schema.described(
         MODE_SECTION, "How a ray makes a color of the values that it passes.", default=ModeSpec.type
@@ -113,18 +111,17 @@ _DESCRIBED: schema.FieldTable = {
     "clip": schema.described(CLIP_SECTION, "Planes and boxes that clip parts away, at most six.", words="none"),
     "mask": schema.described(
         MASK_SECTION,
-        "A volume of labels, inside of which alone the volume is shown: the keys of `volume` or `name`, and these.",
+        "Labels, inside of which alone the volume is shown: the keys of `volume` or `name`, and these.",
         words="the volume is shown everywhere",
     ),
     "volumes": schema.described(
         VOLUMES_SECTION,
-        "In place of `volume` and `transfer_function`: several volumes in one picture, each with the keys of `volume` "
-        "and these.",
+        "In place of `volume` and `transfer_function`: several volumes, each with the keys of `volume` and these.",
         example='[{file: scan.nhdr, color: "#ff8000", range: [100, 2000]}]',
     ),
     "blend": schema.described(
         schema.choice_field(*get_args(Blend)),
-        "How several volumes are mixed. `mix`: extinctions add up. `add`: light adds up, and nothing absorbs it.",
+        "How volumes are mixed. `mix`: extinctions add up. `add`: light adds up, unabsorbed.",
         default=_DEFAULT_BLEND,
     ),
     "annotation": schema.described(

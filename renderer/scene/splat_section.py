@@ -47,8 +47,8 @@ class SplatSpec:
         Footprint,
         schema.choice_field(*get_args(Footprint), aliases=_ALIASES),
         KeyText(
-            "`integrated`: the field itself, in bricks of cells, which has no other key. `gaussian`: a splat for each "
-            "cell. `gouraud`: the paper's triangles."
+            "`integrated`: the field itself, in bricks. `gaussian`: a splat for each cell. `gouraud`: the"
+            " paper's triangles."
         ),
     ] = "gaussian"
     sigma: Annotated[
@@ -69,16 +69,16 @@ class SplatSpec:
     profile: Annotated[
         tuple[tuple[float, float], ...],
         _PROFILE,
-        KeyText("Of the gouraud footprint: its weight by radius, as [radius, weight] with radius from 0 to 1."),
+        KeyText("Of the gouraud footprint: pairs [radius, weight], with radius from 0 to 1."),
     ] = ((0.0, 1.0), (0.5, 0.6), (1.0, 0.0))
     opacity_correction: Annotated[
-        bool, KeyText("Whether opacities are of the length of a ray in the cell; false: of its length in a voxel.")
+        bool, KeyText("Whether opacities are for the ray's length in the cell; false: in a voxel.")
     ] = True
     order: Annotated[
         Literal["depth", "unmixed", "boxes"],
         KeyText(
-            "`depth`: by view depth, and neighbours that swap are drawn as a mixture of both orders. `unmixed`: by "
-            "view depth alone. `boxes`: the octree's order, as in the paper."
+            "`depth`: by view depth, where neighbours that swap are mixed. `unmixed`: by view depth "
+            "alone. `boxes`: by the octree, as in the paper."
         ),
     ] = "depth"
 

@@ -149,22 +149,22 @@ VALUE_RANGE_FIELD = schema.sequence_field(
 _OPACITY_POINT = schema.pair_field(_NUMBER, _PART, "[value, opacity]: a number, and a number from 0 to 1")
 _UNIT_FIELD = schema.described(
     schema.LENGTH_FIELD,
-    "The thickness of the matter whose opacity is given, in world units.",
+    "The thickness of matter that has the given opacities, in world units.",
     words="the finest spacing",
     example="1",
 )
 _COLORMAP_FIELDS: schema.FieldTable = {
     "colormap": schema.described(
-        COLORMAP_FIELD, "In place of `points`, with `range` and `opacity`: a colormap of cmap or ParaView, by its name."
+        COLORMAP_FIELD, "In place of `points`, with `range` and `opacity`: a colormap of cmap or ParaView."
     ),
     "range": schema.described(
         VALUE_RANGE_FIELD,
-        "The values of the first and the last color of the colormap, or of an import.",
+        "The values of the first and the last color, of a colormap or an import.",
         example="[0, 255]",
     ),
     "opacity": schema.described(
         schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
-        "Pairs [value, opacity] of matter as thick as `unit`, in place of those of an import; projections need none.",
+        "Pairs [value, opacity], in place of those of an import; projections need none.",
         example="[[0, 0], [255, 0.4]]",
     ),
 }
@@ -176,18 +176,18 @@ _IMPORT = schema.text_field(
 _IMPORT_FIELDS: schema.FieldTable = {
     "import": schema.described(
         _IMPORT,
-        "In place of `points`: the file of another program's transfer function, or a preset by its name.",
+        "In place of `points`: a preset, or the file of another program's transfer function.",
         example="ct-bone",
     ),
     "name": schema.described(
         schema.TEXT_FIELD,
-        "With `import`: the name of one of several transfer functions in the file.",
+        "With `import`: the name of a transfer function in the file.",
         words="the only one",
         example="CT-Bone",
     ),
     "shift": schema.described(
         schema.number_field(),
-        "With `import`: a number that is added to values of the file, after `scale`.",
+        "With `import`: a number added to the file's values, after `scale`.",
         words="0",
         example="-1024",
     ),
@@ -197,7 +197,7 @@ _IMPORT_FIELDS: schema.FieldTable = {
             schema.number_field(above=0),
             "beside a colormap log or linear; beside import a number greater than 0",
         ),
-        "With `import`: a factor on values of the file. With `colormap`: `linear` or `log` steps between colors.",
+        "With `import`: a factor on the file's values. With `colormap`: `linear` or `log`.",
         words="1 with `import`, linear with `colormap`",
         example="log",
     ),
@@ -206,7 +206,7 @@ _FIELDS: schema.FieldTable = {
     "unit": _UNIT_FIELD,
     "relative": schema.described(
         schema.BOOLEAN_FIELD,
-        "Whether the values of `points`, `range` and `opacity` are percentiles of the voxels with data.",
+        "Whether values are percentiles of the voxels with data.",
         default=TransferSpec.relative,
     ),
     "points": schema.described(

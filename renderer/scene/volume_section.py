@@ -134,7 +134,7 @@ TRANSFORM_FIELD = schema.described(
         check=_check_transform,
         motion="linear",
     ),
-    "A matrix that moves the volume in the world, as a registration does.",
+    "A matrix that moves the volume in the world.",
     words="no change",
     example="[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
 )
@@ -165,8 +165,7 @@ class VolumeSpec:
         float | int | Literal["auto"] | None,
         _TIME,
         KeyText(
-            "The number of a step in time, from 0, which may move: {0: 0, 119: 29}. `auto`: all steps in the course of "
-            "the film.",
+            "The number of a step in time, from 0. `auto`: all steps in the course of the film.",
             "the first",
             "0",
         ),
@@ -175,8 +174,8 @@ class VolumeSpec:
         int | Literal["all", "color", "color_alpha"] | None,
         _COMPONENT,
         KeyText(
-            "The number of a component of the voxels, from 0. `all`: each is a volume of its own. `color`, "
-            "`color_alpha`: voxels are colors, whose luminance or alpha is the value.",
+            "The number of a component, from 0. `all`: each is a volume. `color`, `color_alpha`: voxels "
+            "are colors, with their luminance or alpha as values.",
             "the first",
             "0",
         ),
@@ -185,8 +184,8 @@ class VolumeSpec:
         Ranges | None,
         _CROP,
         KeyText(
-            "The voxels that are read: along x, y and z the first one, and the one after the last. {z: [0, 50]} crops "
-            "one axis.",
+            "The voxels that are read: along each axis the first, and the one after the last. {z: [0, "
+            "50]} crops one axis.",
             "all",
             "[[0, 100], [20, 80], [0, 50]]",
         ),
@@ -195,8 +194,8 @@ class VolumeSpec:
         Literal["auto", "none"] | tuple[float, ...],
         _NODATA,
         KeyText(
-            "The values of voxels without data, which are left out: a number or a list. `auto`: NaN, infinities and "
-            "fill values. `none`: all values are data."
+            "The values that are no data: a number or a list. `auto`: NaN, infinities and fill values. "
+            "`none`: all are data."
         ),
     ] = "auto"
     dataset: Annotated[
@@ -209,9 +208,7 @@ class VolumeSpec:
         ),
     ] = None
     interpolate: Annotated[bool, KeyText("Whether a `time` between two steps shows a mixture of both.")] = False
-    unit: Annotated[
-        str | None, _UNIT, KeyText("The unit of lengths in the world, in place of the file's.", "the file's", "mm")
-    ] = None
+    unit: Annotated[str | None, _UNIT, KeyText("The unit of lengths.", "the file's", "mm")] = None
     level: Annotated[
         int | None,
         _LEVEL,
@@ -323,8 +320,7 @@ _NONFINITE_HINT = "NaN and infinities are left out, by `nodata: auto`"
 _SOURCES: dict[str, schema.FieldType[Any]] = {
     "file": schema.described(
         replace(SOURCE_FIELD, parser=_parse_file),
-        "A file such as NRRD, NIfTI or TIFF, a folder of slices, the URL of a store, or a list of steps in time; "
-        "relative to the scene's file.",
+        "A file, a folder of slices, the URL of a store, or a list of steps in time; relative to the scene's file.",
         example="scan.nhdr",
     ),
     "raw": schema.described(

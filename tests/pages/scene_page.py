@@ -12,7 +12,7 @@ from renderer.scene import PATH_EXAMPLES, SECTIONS, join_words, scene_keys, sche
 SCENE_PAGE = Path(__file__).resolve().parents[2] / "docs" / "scene.md"
 # Each part that is made: the text before it, and the text after it.
 _LISTING = ("```yaml\n", "```\n")
-_MOVING = ("in place of these keys.\n\n", "\nOf labels, the color")
+_MOVING = ("in place of these keys.\n\n", "\nThe colors of labels")
 
 _WIDTH = 120
 # The column of comments behind values, and the longest line that has its comment behind it.
@@ -24,9 +24,10 @@ _HIDDEN = ("output.every",)
 # Sections with the keys of `volume`, and the keys in them that move as others of their names do.
 _LIKE_VOLUME = ("volumes", "mask")
 _REPEATED = (*(SECTIONS["volume"].table or {}), *SECTIONS)
+# The most words for values in the listing. The formulas of volumes are more, and have a table of their own.
+_MOST_WORDS = 12
 # A path of several pieces.
 _PIECES = "[{type: turntable, seconds: 2}, {type: hold, frames: 20}]"
-_MOTIONS = {"linear": "", "ratio": " (in even ratios)", "direction": " (on the sphere)"}
 
 
 def scene_page() -> str:
@@ -50,7 +51,7 @@ def _listing() -> Iterator[str]:
             yield from _key_lines("" if is_live else "# ", name, "", _text_of(field))
         indents = ["  - ", *["    "] * len(own)] if name in ("clip", "volumes") else ["  "] * len(own)
         for indent, (key, item) in zip(indents, own.items(), strict=False):
-            for number, value in enumerate(_values(key, item)):
+            for number, value in enumerate(told.news_in(_values(key, item), item)):
                 is_shown = is_live and number == 0 and _is_shown(f"{name}.{key}", item)
                 text = told.text_of(name, key, item) if number == 0 else ""
                 mark = "  # " if is_live and not is_shown else "" if is_live else f"# {indent}"
@@ -71,12 +72,20 @@ class _ToldKeys:
 
     def __init__(self) -> None:
         self._known: set[str] = set()
+        self._keys: set[str] = set()
         self._sections: dict[str, str] = {}
 
     def text_of(self, section: str, key: str, field: schema.FieldType[Any]) -> str:
         """Return the text on a key, or the name of the section in which a key has the same name and text."""
         first = self._sections.setdefault(f"{key}: {_text_of(field)}", section)
         return _text_of(field) if first == section else f"As in `{first}`."
+
+    def news_in(self, values: list[str], field: schema.FieldType[Any]) -> list[str]:
+        """Return the values of a key without the mapping whose keys all stand in a mapping before it."""
+        keys = set(field.table or {})
+        is_known = len(values) > 1 and keys <= self._keys
+        self._keys |= keys if len(values) > 1 else set()
+        return values[:1] if is_known and keys else values
 
     def of(self, field: schema.FieldType[Any]) -> Iterator[str]:
         """Yield the lines on keys inside of a key that are not told yet."""
@@ -85,7 +94,7 @@ class _ToldKeys:
         lines = [f"needed: {join_words(needed, 'and')}"] if needed else []
         for key, item in table.items():
             words = [] if "black" in item.words else _words_in(item.plain_schema(False))
-            lines += [f"{key}: {join_words(words)}"] if len(words) > 1 else []
+            lines += [f"{key}: {join_words(words)}"] if 1 < len(words) <= _MOST_WORDS else []
         yield from (line for line in lines if line not in self._known)
         self._known.update(lines)
         for item in table.values():
@@ -152,8 +161,9 @@ def _moving() -> Iterator[str]:
     for key, field in scene_keys():
         section, _, rest = key.partition(".")
         is_repeated = section in _LIKE_VOLUME and rest.partition(".")[0] in _REPEATED
-        if field.motion is not None and rest and not is_repeated:
-            by_section.setdefault(section, []).append(f"`{rest}`{_MOTIONS[field.motion]}")
+        is_color_of_entry = section == "annotation" and "." in rest
+        if field.motion is not None and rest and not is_repeated and not is_color_of_entry:
+            by_section.setdefault(section, []).append(f"`{rest}`")
     for section, keys in by_section.items():
         yield from textwrap.wrap(f"- `{section}`: {', '.join(keys)}", _WIDTH, subsequent_indent="  ")
 
