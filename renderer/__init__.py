@@ -2,10 +2,10 @@
 
 In: a scene file, a Scene, or one or several volumes: arrays [z, y, x], images of other libraries, files. Out: a frame,
 a film, or the exact picture, drawn in this process to the same bytes as by the command `hsplat render`. `docs/api.md`
-has all of it, with examples.
+has examples.
 
-- `api.py`: the functions of this door; `api_scenes.py` and `api_layers.py`: what they take. `errors.py`: every error
-  that a user sees.
+- `api.py`: the functions of this door; `api_scenes.py` and `api_layers.py`: what they take; `api_results.py`: what they
+  return. `errors.py`: every error that a user sees.
 """
 
 import lazy_loader

@@ -1,8 +1,4 @@
 from .api import (
-    ExactImage as ExactImage,
-    Film as Film,
-    FrameImage as FrameImage,
-    Page as Page,
     integrate as integrate,
     load_scene as load_scene,
     preview as preview,
@@ -11,6 +7,12 @@ from .api import (
     suggest_scene as suggest_scene,
 )
 from .api_layers import Layer as Layer
+from .api_results import (
+    ExactImage as ExactImage,
+    Film as Film,
+    FrameImage as FrameImage,
+    Page as Page,
+)
 from .errors import (
     HsplatError as HsplatError,
     InputError as InputError,

@@ -79,16 +79,24 @@ class Layer:
 
     Attributes
     ----------
-    values: an array [z, y, x], an image of nibabel, ITK, SimpleITK, xarray or napari, or the name of a volume's file.
-    name: the name of the volume in messages and legends.
-    spacing: lengths of a voxel along (x, y, z), in place of the image's own.
-    affine: a 4 x 4 matrix from voxel indices (x, y, z) to the world, in place of the image's own; a body's world has
-        LPS axes.
-    unit: the unit of lengths in the world, such as "mm".
-    transfer_function: as in `suggest_scene`.
-    labels: for a volume of labels, a mapping from their numbers to names, which may be empty; or the keys of `labels`
-        in a scene file, such as `{"show": [1, 2]}`.
-    mask: a volume inside of whose labels this one is shown: a Layer, or what `values` may be.
+    values
+        An array [z, y, x], an image of nibabel, ITK, SimpleITK, xarray or napari, or the name of a volume's file.
+    name
+        The name of the volume in messages and legends.
+    spacing
+        Lengths of a voxel along (x, y, z), in place of the image's own.
+    affine
+        A 4 x 4 matrix from voxel indices (x, y, z) to the world, in place of the image's own; a body's world has LPS
+        axes.
+    unit
+        The unit of lengths in the world, such as "mm".
+    transfer_function
+        As in `suggest_scene`.
+    labels
+        For a volume of labels, a mapping from their numbers to names, which may be empty; or the keys of `labels` in a
+        scene file, such as `{"show": [1, 2]}`.
+    mask
+        A volume inside of whose labels this one is shown: a Layer, or what `values` may be.
     """
 
     values: ImageLike

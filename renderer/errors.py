@@ -20,16 +20,21 @@ _MAX_LINE = 1000
 class HsplatError(Exception):
     """An error that is shown to a user. All other errors derive from it.
 
-    Parameters
-    ----------
-    what: a sentence that states the mistake.
-    where: a file, a location in it, or a part of the scene.
-    got: the value that was found.
-    expected: the values that would be right.
-    hint: a way to correct the mistake.
-
     Each text is one line, in which unprintable characters are escaped, or several lines made by
     `renderer.system.join_lines`.
+
+    Parameters
+    ----------
+    what
+        A sentence that states the mistake.
+    where
+        A file, a location in it, or a part of the scene.
+    got
+        The value that was found.
+    expected
+        The values that would be right.
+    hint
+        A way to correct the mistake.
     """
 
     def __init__(
@@ -79,13 +84,20 @@ class Problem:
 
     Parameters
     ----------
-    path: the dotted key, with list items by number: `transfer_function.points.2.value`; empty for the whole scene.
-    what: a sentence that states the mistake.
-    got: the value that was found.
-    expected: the values that would be right.
-    hint: a way to correct the mistake.
-    at_key: whether the key itself is the mistake, not its value.
-    location: the place of the key or value (`scene.yaml:14:13`), which only the reader of the file knows.
+    path
+        The dotted key, with list items by number: `transfer_function.points.2.value`; empty for the whole scene.
+    what
+        A sentence that states the mistake.
+    got
+        The value that was found.
+    expected
+        The values that would be right.
+    hint
+        A way to correct the mistake.
+    at_key
+        Whether the key itself is the mistake, not its value.
+    location
+        The place of the key or value (`scene.yaml:14:13`), which only the reader of the file knows.
     """
 
     path: str

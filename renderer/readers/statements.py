@@ -1,7 +1,8 @@
 """Define the tables of the fields by which files change how their voxels are understood, one for each format.
 
 The module of a format has its table as `STATEMENTS`. A reader applies an entry, or names it in a note: nothing that a
-file states is passed over in silence. `docs/formats.md` is made from the tables, and a test has a file for each entry.
+file states is passed over in silence. The site's page of formats is made from the tables, and a test has a file for
+each entry.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Define the record of a film, which its sidecar stores: dataclasses that are written to JSON and read back.
 
-Each field declares its type and a text about it; reading, messages and docs/sidecar.md are made from these. Anybody
-may have edited a sidecar: reading checks everything, and says where a mistake is.
+Each field declares its type and a text about it; reading, messages and the site's page of keys are made from these.
+Anybody may have edited a sidecar: reading checks everything, and says where a mistake is.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Measure the accuracy of the pictures of a finished film by new exact rays, and find pictures that are not the film's.
 
 Numbered image files must be as exact as recorded. An encoded film is less exact than its recorded frames, which is no
-fault: a frame of it is judged by the usual loss in this film. docs/commands.md says which faults are found, and how
-often a fault is reported wrongly.
+fault: a frame of it is judged by the usual loss in this film. docs/commands.md says which frames are named.
 """
 
 from __future__ import annotations

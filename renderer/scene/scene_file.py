@@ -59,9 +59,13 @@ def edit_scene_content(
 
     Parameters
     ----------
-    overrides: `path.to.key=value`, the value in YAML. Missing mappings are created, list items are counted from 0, and
-        the value null removes a key. They are applied in order, before `volume` and `output`.
-    volume: the file, or the URL, that replaces the volume's source. output: the file that replaces the output file.
+    overrides
+        `path.to.key=value`, the value in YAML. Missing mappings are created, list items are counted from 0, and the
+        value null removes a key. They are applied in order, before `volume` and `output`.
+    volume
+        The file, or the URL, that replaces the volume's source.
+    output
+        The file that replaces the output file.
 
     Both files, and the output file in the scene, are relative to the current folder. All other files in the scene are
     relative to the scene file.
@@ -94,10 +98,14 @@ class TreeEditor:
 
     Parameters
     ----------
-    tree: a mapping, which is changed.
-    path: the file that it was read from.
-    path_prefix: the path of the scene in the file, for files in which problems are located by keys and not by lines.
-    hints: hints for problems with values of the file, by the values' paths.
+    tree
+        A mapping, which is changed.
+    path
+        The file that it was read from.
+    path_prefix
+        The path of the scene in the file, for files in which problems are located by keys and not by lines.
+    hints
+        Hints for problems with values of the file, by the values' paths.
     """
 
     tree: yaml_tree.YamlTree

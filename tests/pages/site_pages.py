@@ -1,7 +1,8 @@
-"""Hooks of mkdocs: pages that are made for the site alone, and links that leave docs/.
+"""Hooks of mkdocs: the reference and other pages that are made for the site alone, and links that leave docs/.
 
-The README is the front page. `options.md` has the help of all commands, `notebook.md` is api.ipynb, and `files.md` has
-the files outside docs/ that pages link to, such as scenes. docs/site/mkdocs.yml names this file.
+The README is the front page. mkdocs-click makes `options.md` of the commands, and mkdocstrings the end of `api.md` of
+docstrings; the ends of `formats.md` and `sidecar.md` are made here, of declarations. `notebook.md` is api.ipynb, and
+`files.md` has the files outside docs/ that pages link to, such as scenes. docs/site/mkdocs.yml names this file.
 """
 
 from __future__ import annotations
@@ -9,23 +10,20 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-import click
+import command_page
+from formats_page import field_tables
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
-
-from hsplat_cli.main import hsplat
+from sidecar_page import key_tables
 
 ROOT = Path(__file__).resolve().parents[2]
 # The path of a link within the repository, without its anchor.
 _LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
-# Code between backticks, or a character with a meaning in Markdown.
-_MARKS = re.compile(r"`[^`]*`|[\\*_{}\[\]<>#|~]")
 _NOTEBOOK_PAGE = "notebook.md"
 _FILES_PAGE = "files.md"
 _FILES_HEAD = """\
@@ -33,6 +31,39 @@ _FILES_HEAD = """\
 
 These files of the repository are named on the other pages. Save a scene, and `hsplat render` makes its film.
 """
+# mkdocs-click replaces the block by the commands.
+_OPTIONS_PAGE = f"""\
+# Options of commands
+
+`hsplat COMMAND --help` prints the same.
+
+::: mkdocs-click
+    :module: {command_page.__name__}
+    :command: hsplat_on_page
+    :prog_name: hsplat
+    :depth: 1
+    :style: table
+    :list_subcommands: true
+"""
+# The names in the reference of the Python API, in the order of the page.
+_API = (
+    "render_frame",
+    "render",
+    "load_scene",
+    "suggest_scene",
+    "preview",
+    "integrate",
+    "Layer",
+    "Film",
+    "FrameImage",
+    "ExactImage",
+    "Page",
+    "HsplatError",
+    "InputError",
+    "SceneError",
+    "OutputLockedError",
+    "RenderError",
+)
 # The languages of files, by the ends of their names.
 _LANGUAGES = {".yaml": "yaml", ".yml": "yaml"}
 
@@ -59,57 +90,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         target for page, text in texts.items() for link in _LINK.findall(text) if (target := _outside(page, link))
     }
     files.append(File.generated(config, "index.md", content=front))
-    files.append(File.generated(config, "options.md", content=_options_page()))
+    files.append(File.generated(config, "options.md", content=_OPTIONS_PAGE))
     files.append(File.generated(config, _NOTEBOOK_PAGE, content=_notebook_page()))
     files.append(File.generated(config, _FILES_PAGE, content=_files_page(outside)))
     return files
-
-
-class MarkdownFormatter(click.HelpFormatter):
-    """Collects the help of a command as the lines of a page in Markdown."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.lines: list[str] = []
-
-    def write_usage(self, prog: str, args: str = "", prefix: str | None = None) -> None:
-        """Write the heading of the command, and the line by which it is called."""
-        self.lines += [f"## {prog}", "", f"    {prog} {args}", ""]
-
-    def write_paragraph(self) -> None:
-        """Write nothing: `write_text` begins paragraphs."""
-
-    def write_text(self, text: str) -> None:
-        """Write paragraphs, between which are empty lines."""
-        self.lines += [_plain(text), ""]
-
-    def write_dl(self, rows: Iterable[tuple[str, str]], col_max: int = 30, col_spacing: int = 2) -> None:
-        """Write a table of options, each with its description. The last two arguments are for a terminal."""
-        self.lines += ["| option | meaning |", "|---|---|"]
-        self.lines += [f"| `{term}` | {_plain(' '.join(text.split()))} |" for term, text in rows]
-        self.lines.append("")
-
-    @contextmanager
-    def section(self, name: str) -> Iterator[None]:
-        """Write no heading before the lines that the block writes."""
-        yield
-
-
-def _plain(text: str) -> str:
-    """Return a text in which no character has a meaning in Markdown, except for code between backticks."""
-    return _MARKS.sub(lambda mark: mark[0] if mark[0][0] == "`" else f"&#{ord(mark[0])};", text)
-
-
-def _options_page() -> str:
-    """Return the page with the help of all commands."""
-    page = MarkdownFormatter()
-    page.lines += ["# Options of commands", "", "As `hsplat COMMAND --help` prints them.", ""]
-    root = click.Context(hsplat, info_name="hsplat")
-    for name in hsplat.list_commands(root):
-        command = hsplat.get_command(root, name)
-        assert command is not None, name
-        command.format_help(click.Context(command, root, name), page)
-    return "\n".join(page.lines)
 
 
 def _notebook_page() -> str:
@@ -142,8 +126,23 @@ def _files_page(paths: set[str]) -> str:
     return "\n".join([_FILES_HEAD, *sections])
 
 
+def _api_reference() -> Iterator[str]:
+    """Yield the blocks that mkdocstrings replaces by signatures and docstrings."""
+    return (f"::: renderer.{name}\n" for name in _API)
+
+
+# The reference that ends a stored page, as functions that yield its lines.
+_REFERENCES: dict[str, Callable[[], Iterable[str]]] = {
+    "api.md": _api_reference,
+    "formats.md": field_tables,
+    "sidecar.md": key_tables,
+}
+
+
 def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: Files) -> str:
-    """Let links that leave docs/ lead to the page of files, and those to the notebook to its page."""
+    """Add the reference, and let links that leave docs/ lead to the page of files, and to the notebook to its page."""
+    if page.file.src_uri in _REFERENCES:
+        markdown = "\n".join([markdown, "", *_REFERENCES[page.file.src_uri]()])
 
     def link_on_site(link: re.Match[str]) -> str:
         if link[1].endswith("api.ipynb"):
@@ -156,3 +155,8 @@ def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: File
         return f"{place}#{anchor}" if (ROOT / target).is_file() else place
 
     return _LINK.sub(link_on_site, markdown)
+
+
+def on_page_content(html: str, page: Any, config: MkDocsConfig, files: Files) -> str:
+    """Leave the cells of options without a default empty, in which mkdocs-click writes `None`."""
+    return html.replace("<td>None</td>", "<td></td>") if page.file.src_uri == "options.md" else html

@@ -14,7 +14,9 @@ from pathlib import Path
 
 import pytest
 
+import renderer
 from hsplat_cli import main
+from renderer.record import FilmRecord
 
 ROOT = Path(__file__).resolve().parents[2]
 # The attributes by which a page loads something.
@@ -61,13 +63,26 @@ def test_pages_load_nothing_from_elsewhere(site: dict[str, str]) -> None:
 
 
 def test_pages_of_the_site_alone_are_whole(site: dict[str, str]) -> None:
-    assert all(f'id="hsplat-{name}"' in site["options.html"] for name in main.COMMANDS)
     scenes = {re.sub(r"\W", "", f"configs{path.name}") for path in (ROOT / "configs").iterdir()}
     assert scenes <= set(re.findall(r'<h2 id="(\w+)"', site["files.html"]))
     assert site["notebook.html"].count('<div class="highlight">') > 5
     assert 'href="notebook.html"' in site["api.html"]
     assert 'href="files.html#configsopeningyaml"' in site["index.html"]
     assert 'href="../files.html"' in site["contributing/index.html"]
+
+
+def test_the_reference_is_made_of_commands_docstrings_and_declarations(site: dict[str, str]) -> None:
+    options, api, formats, sidecar = (site[f"{name}.html"] for name in ("options", "api", "formats", "sidecar"))
+    assert all(f'id="hsplat-{name}"' in options for name in main.COMMANDS)
+    assert "<td><code>--set</code></td>\n<td>KEY=VALUE</td>" in options
+    assert "UNSET" not in options and "<td>None" not in options
+    public = set(renderer.__all__) - {"FilmScene", "Scene"}  # docs/scene.md has these
+    assert set(re.findall(r'<h2 id="renderer\.(\w+)"', api)) == public
+    # Parameters of two functions, and an attribute: a section that is not understood would be a paragraph.
+    assert api.count("<b><code>spacing</code></b>") == 2
+    assert 'title="renderer.Layer.spacing"' in api
+    assert set(re.findall(r'<h2 id="([-\w]+)"', formats)) > {"dicom", "nrrd"}
+    assert all(f"<code>{field}</code>" in sidecar for field in FilmRecord.__dataclass_fields__)
 
 
 def test_the_tutorial_can_be_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

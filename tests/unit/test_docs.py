@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from concept_figures import FIGURES, PAGES as CONCEPTS, scene_of
 from scene_page import SCENE_PAGE, scene_page
-from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
 from renderer.accuracy import look_at_scene
 from renderer.scene import FORMATS, load_scene, scene_to_dict
@@ -107,10 +106,6 @@ def test_every_key_of_an_example_is_in_the_list_of_keys(config: Path, tmp_path: 
         return {key for item in tree for key in keys(item)} if isinstance(tree, list) else set()
 
     assert keys(scene_to_dict(scene)) - listed == set()
-
-
-def test_the_page_of_the_sidecar_has_the_keys_of_the_records() -> None:
-    assert SIDECAR_PAGE.read_text("utf-8") == sidecar_page(), "write it by python tests/pages/sidecar_page.py"
 
 
 def test_the_page_of_scenes_has_the_keys_of_scenes() -> None:
