@@ -55,7 +55,7 @@ def _paint_pot(field: Array, block: Block, seed: int, blur: float) -> None:
     radius = np.sqrt(block.x * block.x + block.y * block.y)
     outer = np.where(block.z > -0.62, 0.53, 0.36 + 0.2 * (block.z + 1.02))
     crumbs = 0.07 * smooth_noise(seed, 12 * block.x, 12 * block.y, 12 * block.z)
-    earth = np.maximum(radius - np.minimum(outer - 0.05, 0.44), np.abs(block.z + 0.78) - 0.24 - crumbs)
+    earth = np.maximum(radius - outer + 0.05, np.abs(block.z + 0.78) - 0.24 - crumbs)
     field += (_EARTH - field) * coverage(earth, 1.5 * blur)
     wall = np.minimum(outer - 0.06 - radius, block.z + 0.96)
     pot = np.maximum(np.maximum(radius - outer, wall), np.abs(block.z + 0.74) - 0.28)

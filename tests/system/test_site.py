@@ -67,7 +67,7 @@ def test_pages_of_the_site_alone_are_whole(site: dict[str, str]) -> None:
     assert scenes <= set(re.findall(r'<h2 id="(\w+)"', site["files.html"]))
     assert site["notebook.html"].count('<div class="highlight">') > 5
     assert 'href="notebook.html"' in site["api.html"]
-    assert 'href="files.html#configsopeningyaml"' in site["index.html"]
+    assert 'href="files.html#configsfloweryaml"' in site["index.html"]
     assert 'href="../files.html"' in site["contributing/index.html"]
 
 

@@ -65,7 +65,7 @@ DIGESTS = [
     ("cell_mitochondria", (48, 40, 56), 3, 2**20, "ffca66ad0229aa74"),
     ("cell_vesicles", (48, 40, 56), 3, 2**20, "2389bece6e630d15"),
     ("porous_rock", (48, 40, 56), 3, 2**20, "3270f9c0bbf4d6f4"),
-    ("flower", (48, 40, 56), 3, 2**20, "c20f1920c57921e4"),
+    ("flower", (48, 40, 56), 3, 2**20, "aedf9cb0b219d8ae"),
     ("storm", (48, 40, 56), 3, 2**20, "169caa51d71e5b3d"),
     ("beating_heart", (48, 40, 56), 3, 2**20, "ebff99db20a9f0f2"),
 ]
