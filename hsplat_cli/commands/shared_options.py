@@ -14,6 +14,8 @@ from hsplat_cli.terminal import Reporter, VolumePath, option_group
 from renderer import cache
 from renderer.errors import InputError
 
+# What the help of `--frames` says on its values.
+FRAMES_WORDS = "30:41 for frames 30 to 40, as B is left out; also ::10, 7, -1."
 # The click type of an argument that names a file to read. click does not check that the file exists, because its
 # messages differ from hsplat's.
 FILE = click.Path(path_type=Path, readable=False)
