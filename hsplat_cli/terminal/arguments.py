@@ -30,6 +30,16 @@ _FRAMES_EXPECTED = "A:B or A:B:STEP, without frame B (30:41 for frames 30 to 40)
 # Matches a range of frames as `30-40`, which `--frames` does not take.
 _RANGE = re.compile(r"(\d{1,9}) *(?:-|–|\.\.) *(\d{1,9})", re.ASCII)
 
+# For options of `init` and `turntable`, by which a scene is suggested: the key of the scene with an example of a value.
+_SETTINGS = {
+    "--size": "'output.size=[512, 512]'",
+    "--fps": "output.frames_per_second=30",
+    "--background": "output.background=white",
+    "--light": "'light={environment: studio}'",
+    "--elevation": "camera.path.elevation=20",
+    "--tolerance": "error.tolerance=0.1",
+}
+
 
 def option_group(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
     """Return a decorator that declares several click options, in this order."""
@@ -40,6 +50,12 @@ def option_group(*options: Callable[[Command], Command]) -> Callable[[Command], 
         return command
 
     return declare
+
+
+def set_hint(command: click.Command, option: str) -> str | None:
+    """Return a `--set` that does what an option of `init` does; None without such a key, or for a command without it."""
+    has_set = any("--set" in parameter.opts for parameter in command.params)
+    return f"--set {_SETTINGS[option]}" if has_set and option in _SETTINGS else None
 
 
 def packed_options(
