@@ -53,7 +53,7 @@ def option_group(*options: Callable[[Command], Command]) -> Callable[[Command], 
 
 
 def set_hint(command: click.Command, option: str) -> str | None:
-    """Return a `--set` that does what an option of `init` does; None without such a key, or for a command without it."""
+    """Return a `--set` that does what an option of `init` does; None without such a key, or without `--set`."""
     has_set = any("--set" in parameter.opts for parameter in command.params)
     return f"--set {_SETTINGS[option]}" if has_set and option in _SETTINGS else None
 

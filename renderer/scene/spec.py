@@ -128,7 +128,9 @@ _DESCRIBED: schema.FieldTable = {
         default=_DEFAULT_BLEND,
     ),
     "annotation": schema.described(
-        ANNOTATION_SECTION, "Texts, bars and lines over the picture.", words="nothing is drawn over it"
+        ANNOTATION_SECTION,
+        "Texts, bars and lines. `layout`: in room beside the object, or over it.",
+        words="none",
     ),
     "version": schema.described(_VERSION, "The version of the scene format.", default=VERSION),
 }
