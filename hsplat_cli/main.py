@@ -21,7 +21,7 @@ from typing import TextIO
 import click
 from click.shell_completion import CompletionItem
 
-from hsplat_cli.terminal import COMPLETION_VARIABLE, Reporter, next_words
+from hsplat_cli.terminal import COMPLETION_VARIABLE, Reporter, next_words, set_hint
 from renderer.errors import HsplatError, InputError, closest_match, format_message
 from renderer.system import address_space_hint, exit_on_signals, interrupted_status, join_lines, signals_as_interrupts
 
@@ -174,6 +174,8 @@ def _print_usage_error(error: click.ClickException) -> None:
         lines = error.format_message().splitlines()
     elif isinstance(error, click.UsageError) and error.ctx is not None:
         usage, help_hint = error.ctx.get_usage(), f"Try '{error.ctx.command_path} --help' for help."
+        if isinstance(error, click.NoSuchOption) and (hint := set_hint(error.ctx.command, error.option_name)):
+            lines = [f"Error: {error.message}", f"  hint: {hint}"]
         lines = [*usage.splitlines(), help_hint, "", *lines]
     Reporter().warning(join_lines(lines))
 

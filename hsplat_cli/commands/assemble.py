@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hsplat_cli.commands.shared_options import quiet_option
+from hsplat_cli.commands.shared_options import FRAMES_WORDS, quiet_option
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames, report_film
 from renderer.errors import Problem
 from renderer.scene import (
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Write to this film, or to {frame}.png; may be given several times.",
 )
-@click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
+@click.option("--frames", metavar="A:B:STEP", help=f"Take only these frames: {FRAMES_WORDS}")
 @click.option("--frames-per-second", metavar="RATE", help="Replace the scene's rate.")
 @click.option("--quality", metavar="0-10", help="Replace the scene's quality of an MP4.")
 @click.option("--force", is_flag=True, help="Assemble again, even if the film is up to date.")

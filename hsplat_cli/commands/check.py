@@ -144,7 +144,7 @@ def _light_text(light: LightCost) -> str:
 
     voxels = "1 voxel" if light.cell_voxels == 1 else f"{light.cell_voxels:.3g} voxels"
     cells = " x ".join(map(str, light.shape_xyz))
-    cost = f"{bytes_text(light.num_bytes)} and {light.seconds:.2g} s each time that it is found"
+    cost = f"{bytes_text(light.num_bytes)} and {light.seconds:.2g} s each time that it is computed"
     return f"{cells} cells of {voxels}, {cost}"
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.shared_options import FILE, quiet_option
+from hsplat_cli.commands.shared_options import FILE, FRAMES_WORDS, quiet_option
 from hsplat_cli.terminal import OutputPath, Reporter, VolumePath
 from renderer.errors import HsplatError
 
@@ -25,7 +25,7 @@ from renderer.errors import HsplatError
 @click.option(
     "--report", type=OutputPath(), metavar="FOLDER", help="Write a page, the pictures that fail, and files for CI."
 )
-@click.option("--frames", metavar="A:B:STEP", help="Compare only these frames, as a Python slice: ::10, 7, -1.")
+@click.option("--frames", metavar="A:B:STEP", help=f"Compare only these frames: {FRAMES_WORDS}")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of all scenes.")
 @click.option("--volume", type=VolumePath(), metavar="FILE", help="Take the volume of all scenes from this file.")
 @quiet_option(help="Print nothing unless a frame fails.")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.shared_options import FILE, quiet_option
+from hsplat_cli.commands.shared_options import FILE, FRAMES_WORDS, quiet_option
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
 
@@ -22,7 +22,7 @@ from renderer.errors import InputError
 @click.option(
     "--goldens", type=OutputPath(), metavar="FOLDER", help="The folder of all goldens. [default: goldens, beside them]"
 )
-@click.option("--frames", metavar="A:B:STEP", help="Only these frames, as a Python slice: ::10, 7, -1.")
+@click.option("--frames", metavar="A:B:STEP", help=f"Only these frames: {FRAMES_WORDS}")
 @click.option("--limit", metavar="LIMIT", help="same bytes, stated accuracy, or decibels: tells when it is too loose.")
 @click.option("--digests", is_flag=True, help="Keep digests in golden.json alone, and no pictures.")
 @click.option("--update", is_flag=True, help="Show the changes, and replace goldens.")

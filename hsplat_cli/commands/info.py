@@ -45,6 +45,7 @@ _HIDDEN = 0.01
 _MAX_LABELS = 40
 # The largest number of files of a folder whose sizes are added. 10,000 take about 0.1 s.
 _MOST_FILES = 10_000
+_ALL_COMPONENTS = "`hsplat init VOLUME --component all` draws all together"
 # Characters for the heights of a histogram's bars, from empty to full.
 _BLOCKS = " ▁▂▃▄▅▆▇█"
 # Characters for the heights of bars on a terminal whose encoding lacks block characters.
@@ -142,7 +143,8 @@ def info(*, volume: Path | str, as_json: bool, reading: ReadingOptions) -> None:
     from renderer.suggest import Wish, read_in_colors, suggest_read
 
     if reading.component == "all":
-        raise InputError("this describes one component", where="--component all", hint="leave it out: all are listed")
+        hint = f"leave it out: all are listed; {_ALL_COMPONENTS}"
+        raise InputError("this describes one component", where="--component all", hint=hint)
     reporter = Reporter()
     click.get_current_context().with_resource(reporter.passes())
     inside = expand_volumes([str(volume)])[0] if isinstance(volume, Path) and volume.is_dir() else []
@@ -163,7 +165,9 @@ def info(*, volume: Path | str, as_json: bool, reading: ReadingOptions) -> None:
     spec, read, statistics = read_in_colors(spec, first, partial(read_with_options, reporter=Reporter(is_quiet=True)))
     suggestion = suggest_read(spec, read, statistics, Wish()).suggestion
     facts = _facts(read, statistics, suggestion, _time_facts(read, spec), _stored_bytes(spec) if read.levels else None)
-    text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion, facts)]
+    described = None if spec.has_colors else spec.component or 0
+    fact_lines = _fact_lines(facts, _histogram_marks(), described)
+    text_lines = [*fact_lines, *_suggestion_lines(suggestion, facts)]
     reporter.result(join_lines(json.dumps(facts.to_json(), indent=2).splitlines() if as_json else text_lines))
 
 
@@ -313,13 +317,15 @@ def _numbers(values: Sequence[float], between: str = ", ") -> str:
     return between.join(_number(round(value, 9)) for value in values)
 
 
-def _fact_lines(facts: _VolumeFacts, marks: str) -> list[str]:
+def _fact_lines(facts: _VolumeFacts, marks: str, component: int | str | None) -> list[str]:
+    """Return the lines on a volume. component: the number of the component whose values they describe; None for all."""
     file_spacing = facts.replaced_spacing
     replaced = "" if file_spacing is None else f", in place of {_numbers(file_spacing, ' x ')}"
     length, value = (f" {unit}" * bool(unit) for unit in (facts.length_unit, facts.value_unit))
     low, high, mean = map(_number, (facts.minimum, facts.maximum, facts.mean))
     place = ", decoded into a file on disk" if facts.decoded_on_disk else " in memory"
     place = ", which stay in the file" if facts.stays_in_file else place
+    is_one_of_several = len(facts.channels) > 1 and component is not None and not facts.label_table
     matrix = [] if facts.direction.startswith("axis-aligned") else facts.direction_matrix
     return [
         facts.name,
@@ -339,6 +345,7 @@ def _fact_lines(facts: _VolumeFacts, marks: str) -> list[str]:
         *([f"  sample       {_sample_text(facts)}"] if facts.sampled_voxels else []),
         f"  fingerprint  {facts.fingerprint}",
         *(f"{'' if k else '  channels':<14} {_channel(k, each)}" for k, each in enumerate(facts.channels)),
+        *([f"               values here are of component {component}; {_ALL_COMPONENTS}"] if is_one_of_several else []),
         "",
         "  voxels by value, logarithmic",
         *_histogram(facts, marks),

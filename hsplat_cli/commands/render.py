@@ -8,7 +8,7 @@ from functools import partial
 
 import click
 
-from hsplat_cli.commands.shared_options import quiet_option, takes_scene
+from hsplat_cli.commands.shared_options import FRAMES_WORDS, quiet_option, takes_scene
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_scheduler, require_untimed
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_duration, report_film
@@ -16,7 +16,7 @@ from renderer.errors import InputError
 
 
 @click.command()
-@takes_scene("Draw only these frames, as a Python slice: 0:30, ::10, 7, -1.")
+@takes_scene(f"Draw only these frames: {FRAMES_WORDS}")
 @click.option("--output", metavar="FILE", help="Write to this film, {frame}.png or, for one, .png.")
 @click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")

@@ -10,10 +10,12 @@ import click
 from click.core import ParameterSource
 
 from hsplat_cli.scenes import SceneRequest
-from hsplat_cli.terminal import Reporter, VolumePath, option_group
+from hsplat_cli.terminal import Reporter, VolumePath, option_group, set_hint
 from renderer import cache
 from renderer.errors import InputError
 
+# What the help of `--frames` says on its values.
+FRAMES_WORDS = "30:41 for frames 30 to 40, as B is left out; also ::10, 7, -1."
 # The click type of an argument that names a file to read. click does not check that the file exists, because its
 # messages differ from hsplat's.
 FILE = click.Path(path_type=Path, readable=False)
@@ -81,9 +83,13 @@ def takes_scene(
 
 
 def require_none_of(options: Iterable[str], hint: str) -> None:
-    """Raise InputError where one of these options is given; they are for a volume without a scene."""
+    """Raise InputError where one of these options is given; they are for a volume without a scene.
+
+    hint: what to do instead, for an option without a `set_hint`.
+    """
     context = click.get_current_context()
     for name in options:
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            option = next(each for each in context.command.params if each.name == name)
-            raise InputError("this is for a volume without a scene", where=option.opts[0], hint=hint)
+            option = next(each for each in context.command.params if each.name == name).opts[0]
+            hint = set_hint(context.command, option) or hint
+            raise InputError("this is for a volume without a scene", where=option, hint=hint)

@@ -117,8 +117,8 @@ def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterat
         through = f" through {counted(num_measured, 'frame')}" * (num_measured < num)
         probes = "rays" if job.scene.at(0).light is None else "pixels by paths"
         yield f"{accuracy_text(accuracy)}, {accuracy.rays} {probes}{through}"
-        if accuracy.flicker is not None:
-            yield flicker_text(accuracy.flicker)
+        if (flicker := flicker_text(accuracy)) is not None:
+            yield flicker
 
 
 def _problem_lines(problems: Sequence[Problem]) -> str:

@@ -49,7 +49,15 @@ FileOrFiles = TypeVar("FileOrFiles", str, list[str])
 # Column at which a comment behind a value begins, unless the line is longer.
 _COMMENT_COLUMN = 30
 
-SCENE_HINT = "Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys."
+SCENE_HINT = (
+    "Change anything: `hsplat check` looks for mistakes, `hsplat explain` lists all sections, and `hsplat explain KEY` "
+    "the keys of one."
+)
+_ANNOTATION_COMMENT = (
+    "remove the first # to draw it, in room beside the object; `layout: over` draws it over the object"
+)
+_VOLUME_COMMENT = "a path from the folder of this file"
+_FILM_COMMENT = "a path from the folder in which hsplat is run, not from that of this file"
 _TRANSFER_COMMENT = (
     "# The look of each value. An opacity is the share of light that one `unit` of length holds back: 0 none, 1 all."
 )
@@ -178,10 +186,10 @@ def compose_scene(
             "smaller is more exact and slower, 0 draws every visible voxel",
         ),
         "",
-        f"# annotation: {{{_annotation(found)}}}  # remove the first # to draw it beside the object",
+        f"# annotation: {{{_annotation(found)}}}  # {_ANNOTATION_COMMENT}",
         "",
         "output:",
-        _with_comment(f"  file: {yaml_string(output)}", "relative to the current folder"),
+        _with_comment(f"  file: {yaml_string(output)}", "" if output.is_absolute() else _FILM_COMMENT),
         f"  size: [{film.size[0]}, {film.size[1]}]",
         f"  frames_per_second: {format_value(film.fps)}",
         f"  background: {yaml_string(film.background)}",
@@ -272,7 +280,8 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
         yield f"raw: {{file: {place}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
         yield f"      byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
     else:
-        comment = "a store" if is_url(written) else "relative to this file"
+        is_whole = os.path.isabs(written if isinstance(written, str) else written[0])
+        comment = "a store" if is_url(written) else "" if is_whole else _VOLUME_COMMENT
         yield _with_comment(f"file: {place}", comment, indent=2)
         if (spacing := getattr(source, "spacing", None)) is not None:
             yield _with_comment(f"spacing: {_list(spacing)}", "size of a voxel, in place of the file's", indent=2)
@@ -377,7 +386,7 @@ def _shading_text(shading: ShadingSpec) -> str:
 
 
 def _with_comment(line: str, comment: str, *, indent: int = 0) -> str:
-    return f"{line:<{_COMMENT_COLUMN - indent - 2}}  # {comment}"
+    return f"{line:<{_COMMENT_COLUMN - indent - 2}}  # {comment}" if comment else line
 
 
 def _list(numbers: Sequence[float]) -> str:

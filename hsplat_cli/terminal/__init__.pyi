@@ -8,6 +8,7 @@ from .arguments import (
     parse_bytes as parse_bytes,
     parse_duration as parse_duration,
     parse_frames as parse_frames,
+    set_hint as set_hint,
 )
 from .film_events import FilmEvents as FilmEvents, report_film as report_film
 from .machine import Machine as Machine, describe_machine as describe_machine

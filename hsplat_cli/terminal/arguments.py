@@ -26,6 +26,20 @@ _DURATION = re.compile(f"{_FRACTION_ONLY_IN_LAST_PART}{_PARTS}|{_NUMBER}", re.AS
 _MOST_DIGITS = 9
 _BYTES = re.compile(r"(\d{1,15}(?:\.\d{1,9})?) ?([KMGT]?)(i?)B?", re.ASCII | re.IGNORECASE)
 
+_FRAMES_EXPECTED = "A:B or A:B:STEP, without frame B (30:41 for frames 30 to 40), or one number"
+# Matches a range of frames as `30-40`, which `--frames` does not take.
+_RANGE = re.compile(r"(\d{1,9}) *(?:-|–|\.\.) *(\d{1,9})", re.ASCII)
+
+# For options of `init` and `turntable`, by which a scene is suggested: the key of the scene with an example of a value.
+_SETTINGS = {
+    "--size": "'output.size=[512, 512]'",
+    "--fps": "output.frames_per_second=30",
+    "--background": "output.background=white",
+    "--light": "'light={environment: studio}'",
+    "--elevation": "camera.path.elevation=20",
+    "--tolerance": "error.tolerance=0.1",
+}
+
 
 def option_group(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
     """Return a decorator that declares several click options, in this order."""
@@ -36,6 +50,12 @@ def option_group(*options: Callable[[Command], Command]) -> Callable[[Command], 
         return command
 
     return declare
+
+
+def set_hint(command: click.Command, option: str) -> str | None:
+    """Return a `--set` that does what an option of `init` does; None without such a key, or without `--set`."""
+    has_set = any("--set" in parameter.opts for parameter in command.params)
+    return f"--set {_SETTINGS[option]}" if has_set and option in _SETTINGS else None
 
 
 def packed_options(
@@ -148,7 +168,7 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
     """
     if text is None:
         return range(num_frames) if recorded is None else recorded
-    expected = f"A:B or A:B:STEP or one number; this path has the frames 0 to {num_frames - 1}"
+    expected = f"{_FRAMES_EXPECTED}; this path has the frames 0 to {num_frames - 1}"
     error = partial(InputError, where="--frames", got=format_value(text))
     match _parts(text):
         case [int(number)]:
@@ -158,7 +178,7 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
         case [_, _] | [_, _, _] as parts:
             picked = range(num_frames)[slice(*parts)]
         case _:
-            raise error("not a range of frames", expected=expected)
+            raise error("not a range of frames", expected=expected, hint=_as_range(text))
     if not picked:
         raise error("no frame is in this range", expected=expected)
     missing = set(picked).difference(picked if recorded is None else recorded)
@@ -173,6 +193,15 @@ def _parts(text: str) -> list[int | None]:
         return [int(part) if part.strip() else None for part in text.split(":")]
     except ValueError:
         return []
+
+
+def _as_range(text: str) -> str | None:
+    """Return a hint with the slice for a range such as `30-40`; None for other text."""
+    match = _RANGE.fullmatch(text.strip())
+    if match is None:
+        return None
+    first, last = sorted(map(int, match.groups()))
+    return f"--frames {first}:{last + 1} for frames {first} to {last}"
 
 
 def _as_slice(frames: Sequence[int]) -> str:

@@ -22,7 +22,7 @@ from renderer.layers import Layer
 from renderer.scene import FilmScene, LayerSpec
 from renderer.statistics import background_value
 from renderer.truth import SceneRays, chord_lengths, pixel_centres
-from renderer.view import View
+from renderer.view import MOST_LEFT_OUT, View
 from renderer.volume import Bools, Float64, Volume, sampled_volume
 
 # At most this many frames of a film are looked at.
@@ -92,7 +92,8 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
         found = [Glance("too bright", note)]
     boxes = np.all(are_boxes, axis=0).tolist()
     if stage.not_framed:
-        part = f"{100 * stage.not_framed:.2g} %"
+        # A bound, as the share itself is another one on the stage that `look_at_scene` makes from some of the voxels.
+        part = f"less than {100 * MOST_LEFT_OUT:.2g} %"
         found.append(Glance("", f"parts that add {part} to a picture are not framed: they may lie outside it"))
     return [
         *found,

@@ -141,8 +141,8 @@ def summary_parts(scene: FilmScene, record: FilmRecord, num_resumed: int) -> Ite
     yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_resumed} drawn before)" if num_resumed else "")
     if record.accuracy is not None:
         yield accuracy_text(record.accuracy)
-        if record.accuracy.flicker is not None:
-            yield flicker_text(record.accuracy.flicker)
+        if (flicker := flicker_text(record.accuracy)) is not None:
+            yield flicker
     yield f"{pluralize_range([frame.primitives for frame in frames], scene.primitive_name)} a frame"
     if goal is not None:
         yield f"tolerance {range_text([frame.tolerance for frame in frames])}"

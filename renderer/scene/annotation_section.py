@@ -242,7 +242,13 @@ class AnnotationSpec:
         KeyText("The colors and opacities of a transfer function.", "none"),
     ] = None
     scale_bar: Annotated[
-        EntrySpec | None, _entry(EntrySpec, "bottom-left"), KeyText("A bar of a round length.", "none")
+        EntrySpec | None,
+        _entry(EntrySpec, "bottom-left"),
+        KeyText(
+            "A bar of a round length, at the distance of the camera's target. With `projection: orthographic` it holds "
+            "everywhere.",
+            "none",
+        ),
     ] = None
     accuracy: Annotated[
         EntrySpec | None, _entry(EntrySpec, "bottom-left"), KeyText("The accuracy of the frame.", "none")

@@ -102,8 +102,8 @@ class ErrorSpec:
         int | None,
         _PROBES,
         KeyText(
-            "The number of exact pixels that measure the accuracy of a frame. `auto`: 16 at 512 x 512, or"
-            " 8 with `light`."
+            "The number of pixels whose exact rays measure the accuracy of a frame. `auto`: one of 16384 pixels, at "
+            "least 16; with `light` half of them; and at least 512 in all frames of the path. 0: it is not measured."
         ),
     ] = None
     goal: SplatBudget | TimeBudget | MetricTarget | None = None

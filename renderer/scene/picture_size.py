@@ -18,6 +18,8 @@ _MIN_DPI, _MAX_DPI = 1, 10000
 _INCHES = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "pt": 1 / 72}
 # A printed length, such as `85 mm`: at most nine digits before the point and after it.
 _LENGTH = re.compile(r"([0-9]{1,9}(?:\.[0-9]{1,9})?) ?(mm|cm|in|pt)")
+# The size in pixels as programs often write it: `640x480`.
+_SIDES = re.compile(r"([0-9]{1,9}) ?[x×,] ?([0-9]{1,9})")
 # The height of a printed picture without a height of its own, as a share of its width.
 _PAPER_RATIO = 0.75
 
@@ -76,6 +78,8 @@ def _parse_size(node: TreeNode) -> Any:
         width, *others = map(str, node.value)
         height = "".join(f", height: {side}" for side in others[:1])
         return node.reject("lengths in a list", hint=f"in print: {{width: {width}{height}, dpi: 300}}")
+    if isinstance(node.value, str) and (sides := _SIDES.fullmatch(node.value)) is not None:
+        return node.reject("not a list", hint=f"[{sides[1]}, {sides[2]}]")
     if not isinstance(node.value, Mapping) or not any(str(key).isalpha() for key in node.value):
         return _PIXELS.parser(node)  # also of a map from frames, as a size cannot move
     given = schema.read_fields(node, _PAPER, required=["width"])

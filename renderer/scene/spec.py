@@ -111,7 +111,7 @@ _DESCRIBED: schema.FieldTable = {
     "clip": schema.described(CLIP_SECTION, "Planes and boxes that clip parts away, at most six.", words="none"),
     "mask": schema.described(
         MASK_SECTION,
-        "Labels, inside of which alone the volume is shown: the keys of `volume` or `name`, and these.",
+        "The labels within which a volume is shown: the keys of `volume` or `name`, and these.",
         words="the volume is shown everywhere",
     ),
     "volumes": schema.described(
@@ -125,7 +125,9 @@ _DESCRIBED: schema.FieldTable = {
         default=_DEFAULT_BLEND,
     ),
     "annotation": schema.described(
-        ANNOTATION_SECTION, "Texts, bars and lines over the picture.", words="nothing is drawn over it"
+        ANNOTATION_SECTION,
+        "Texts, bars and lines. `layout`: in room beside the object, or over it.",
+        words="none",
     ),
     "version": schema.described(_VERSION, "The version of the scene format.", default=VERSION),
 }

@@ -30,6 +30,7 @@ from .paths import (
     make_view as make_view,
     rotation_from_z_to as rotation_from_z_to,
 )
+from .seen import MOST_LEFT_OUT as MOST_LEFT_OUT
 from .splat_projection import (
     CLIPPED_SIGMAS as CLIPPED_SIGMAS,
     CULLED_SIGMAS as CULLED_SIGMAS,

@@ -15,7 +15,7 @@ from renderer.pyramid import Pyramid, cell_voxel_counts, descendants, root_cells
 from renderer.volume import Bools, Float64, grow, label_parts
 
 # All cells that framing leaves out add, together, less than this share of a picture.
-_MOST_LEFT_OUT = 1e-3
+MOST_LEFT_OUT = 1e-3
 # Framing leaves cells out only if the box around the remaining cells is shorter along an axis by at least this share.
 # So the thin end of an object stays in the picture.
 _LEAST_GAIN = 0.05
@@ -55,7 +55,7 @@ def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
     depths = _depths(pyramid, occupied)
     picture = float(np.mean([-np.expm1(-depths.sum(axis=axis)).sum() for axis in range(3)]))
     opacities = -np.expm1(-depths)
-    if not _may_gain(occupied, opacities, _MOST_LEFT_OUT * picture):
+    if not _may_gain(occupied, opacities, MOST_LEFT_OUT * picture):
         return everything
     is_faint = occupied & (opacities < _FAINT * np.percentile(opacities[occupied], _OPAQUE_PERCENTILE))
     parts = label_parts(grow(occupied & ~is_faint, 1))  # grown: cells of thin objects may only touch at corners
@@ -63,7 +63,7 @@ def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
     amounts = np.bincount(parts[occupied], opacities[occupied], parts.size + 1)
     order = np.flatnonzero(amounts)[np.argsort(amounts[amounts > 0], kind="stable")]
     total = np.cumsum(amounts[order])
-    dropped = order[total < _MOST_LEFT_OUT * picture]
+    dropped = order[total < MOST_LEFT_OUT * picture]
     kept = occupied & ~np.isin(parts, dropped)
     if not dropped.size or not _gains(occupied, kept):
         return everything

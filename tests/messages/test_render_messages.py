@@ -51,7 +51,8 @@ def test_a_range_of_many_digits(capsys: pytest.CaptureFixture[str]) -> None:
     assert render(capsys, "--frames", "9" * 5000) == (
         2,
         f"--frames: not a range of frames\n  got: '{'9' * 56}...\n"
-        "  expected: A:B or A:B:STEP or one number; this path has the frames 0 to 5\n",
+        "  expected: A:B or A:B:STEP, without frame B (30:41 for frames 30 to 40), or one number; "
+        "this path has the frames 0 to 5\n",
     )
 
 

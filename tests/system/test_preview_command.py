@@ -110,6 +110,7 @@ def test_a_notebook_shows_the_page_of_an_array() -> None:
         (["scan.npy", "-o", "page.txt"], "not a name for a report"),
         (["scan.npy", "-o", "link.html"], "this output would overwrite an input"),
         (["scene.yaml", "--frames", "9"], "--frames: this is for a volume without a scene"),
+        (["scene.yaml", "--size", "9"], "without a scene\n  hint: --set 'output.size=[512, 512]'\n"),
         (["scan.npy", "--set", "output.size=[0, 8]"], "output.size.0"),
     ],
 )

@@ -96,6 +96,15 @@ def test_wrong_usage_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert "No such option" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", ["render", "check", "measure"])
+def test_an_option_of_init_gets_the_key_as_a_hint(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run([command, "--size", "256", "256", str(DEMO)]) == 2
+    assert capsys.readouterr().err.splitlines()[-2:] == [
+        "Error: No such option '--size'.",
+        "  hint: --set 'output.size=[512, 512]'",
+    ]
+
+
 @pytest.mark.parametrize(
     ("arguments", "where"),
     [

@@ -207,6 +207,13 @@ def test_time_component_and_nodata(tmp_path):
     assert facts_of(file, "--time", "0", "--nodata", "1,3")["minimum"] == 2.0
 
 
+def test_the_described_component_is_told_and_how_all_are_drawn(tmp_path):
+    np.save(tmp_path / "two.npy", np.random.default_rng(0).random((8, 8, 8, 2)))
+    lines = run(str(tmp_path / "two.npy"), "--component", "1").splitlines()
+    told = "values here are of component 1; `hsplat init VOLUME --component all` draws all together"
+    assert f"{'':15}{told}" in lines
+
+
 def test_the_first_of_several_times_is_drawn_and_said(tmp_path):
     write_image(tmp_path / "a.nrrd", np.stack([RAMP, RAMP + 100.0]))
     result = CliRunner().invoke(info, [str(tmp_path / "a.nrrd"), "--json"])

@@ -30,6 +30,16 @@ def test_other_ranges_are_refused(text: str) -> None:
     assert caught.value.where == "--frames"
 
 
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [("1-3", "1:4"), ("30..40", "30:41"), ("9 – 7", "7:10"), ("1-2-3", None), ("-1-3", None), ("1:x", None)],
+)
+def test_a_range_that_names_its_last_frame_gets_the_slice_as_a_hint(text: str, hint: str | None) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_frames(text, 50)
+    assert (caught.value.hint is None) if hint is None else str(caught.value.hint).startswith(f"--frames {hint} for")
+
+
 _END = st.none() | st.integers(-20, 20)
 
 

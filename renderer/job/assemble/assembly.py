@@ -55,8 +55,8 @@ def assemble_film(
         record = _write(picked, fingerprint, film, start, events)
     summary = f"{counted(len(picked), 'frame')} of {counted(len(parts_of(picked)), 'part')}"
     if record.accuracy is not None:
-        summary = f"{summary}, {accuracy_text(record.accuracy)}"
-        summary += f", {flicker_text(record.accuracy.flicker)}" if record.accuracy.flicker else ""
+        parts_of_line = summary, accuracy_text(record.accuracy), flicker_text(record.accuracy)
+        summary = ", ".join(filter(None, parts_of_line))
     return JobResult(FinishedFilm(sidecar, record), output.file, summary)
 
 
