@@ -96,14 +96,14 @@ def _shared_errors(record: SharedProbes) -> SharedErrors:
 
 
 def flicker_text(accuracy: FilmAccuracy) -> str | None:
-    """Return `flicker of the file 3.1 of 255 levels (2.6 to 3.9)`; None without a flicker.
+    """Return `file flicker 3.1 of 255 levels (2.6 to 3.9)`; None without a flicker.
 
     A job measures frames before they are encoded, whose flicker is smaller than that of an encoded file.
     """
     if accuracy.flicker is None:
         return None
-    of, (low, high) = "of the file" if accuracy.file is None else "before encoding", accuracy.flicker.interval
-    return f"flicker {of} {accuracy.flicker.rms:.1f} of 255 levels ({low:.1f} to {high:.1f})"
+    of, (low, high) = "file" if accuracy.file is None else "frames", accuracy.flicker.interval
+    return f"{of} flicker {accuracy.flicker.rms:.1f} of 255 levels ({low:.1f} to {high:.1f})"
 
 
 def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int, finer: FinerFile | None) -> FilmAccuracy:

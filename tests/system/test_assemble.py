@@ -98,7 +98,7 @@ def test_other_versions_are_noted(parts: None, capsys: pytest.CaptureFixture[str
     assert main.run(["assemble", "parts", "--output", "film.mp4"]) == 0
     note = f"bytes may differ from part to part, drawn with different versions: device {here} and Other GL"
     first, rest = capsys.readouterr().out.split("\n", 1)
-    assert first.startswith("film.mp4: 7 frames of 3 parts, ") and " before encoding, flicker before encoding " in first
+    assert first.startswith("film.mp4: 7 frames of 3 parts, ") and " before encoding, frames flicker " in first
     assert rest == f"note: {note}\nnote: nobody was there\nhow it was made: film.mp4.json\n"
     made = sidecar("film.mp4.json")
     assert made["notes"] == [note, "nobody was there"]

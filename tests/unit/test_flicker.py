@@ -192,9 +192,9 @@ def test_a_film_has_the_flicker_of_the_pairs_that_are_whole() -> None:
     assert (accuracy.flicker.pairs, accuracy.flicker.probes) == (1, 90)
     assert accuracy.flicker.rms == pytest.approx(20.0)
     assert accuracy.flicker.interval[0] < 20.0 <= accuracy.flicker.interval[1] < 25.0
-    assert str(flicker_text(accuracy)).startswith("flicker of the file 20.0 of 255 levels (")
+    assert str(flicker_text(accuracy)).startswith("file flicker 20.0 of 255 levels (")
     encoded = with_encoding_loss(accuracy, 1e-5, 4, None)
-    assert str(flicker_text(encoded)).startswith("flicker before encoding 20.0 of 255 levels (")
+    assert str(flicker_text(encoded)).startswith("frames flicker 20.0 of 255 levels (")
     whole = film_accuracy([*alternating[:4], recorded(5, 4, (10.0,) * 90), *alternating[4:]])
     assert whole is not None and whole.flicker is not None and whole.flicker.pairs == 2
     assert whole.flicker.rms == pytest.approx(np.sqrt(200.0))
