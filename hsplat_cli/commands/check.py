@@ -35,6 +35,7 @@ from renderer.scene import (
     TimeBudget,
     UrlSource,
     VolumeSpec,
+    chosen_exposure_text,
     counted,
     first_few,
     join_some,
@@ -124,6 +125,8 @@ def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, 
         rows.append(("memory", _memory_text(found.brick_memory)))
     if found.light is not None:
         rows.append(("light", _light_text(found.light)))
+    if found.exposure is not None:
+        rows.append(("exposure", chosen_exposure_text(found.exposure)))
     rows += [("note", each.note) for each in found.glances]
     return rows, found
 

@@ -65,7 +65,8 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
             advance("tolerances")
             turn = _turn(studio, small_scene(film.at(frame), _TURN_PX))
             advance("turning")
-            rows = [*variants(studio, stage.first, frame, coarser, looks.result())]
+            denser = max((each.factor for each in glances), default=1.0)
+            rows = [*variants(studio, stage.first, frame, coarser, looks.result(), denser)]
             advance("variants")
     page = render_page(
         "preview.html",

@@ -16,7 +16,7 @@ from renderer.statistics import compute_statistics, hounsfield_zero
 from renderer.suggest import VolumeSuggestion, Wish, suggest_read
 from renderer.volume import Volume, sampled_volume
 
-# Factors by which variants of a scene multiply its opacity.
+# Factors by which variants of a scene multiply its opacity, or that with which a dark picture is bright.
 _FACTORS = (0.5, 1.0, 2.0)
 # Tolerances at which variants of a scene are drawn.
 _TOLERANCES = (1.0, 0.3, 0.1)
@@ -36,17 +36,18 @@ Looks = Sequence[tuple[str, VolumeSuggestion]]
 
 
 def variants(
-    studio: Studio, stage: Stage, frame: int, coarser: list[Shot], looks: Looks
+    studio: Studio, stage: Stage, frame: int, coarser: list[Shot], looks: Looks, denser: float
 ) -> Iterator[tuple[str, list[Shot]]]:
     """Yield rows of variants of a scene in which nothing moves: a heading, and pictures of a frame.
 
     frame: the number of the frame in the film. coarser: the pictures by `draw_tolerances`. looks: the looks by
-    `suggest_looks`.
+    `suggest_looks`. denser: the factor on the opacity of the variant in the middle, which is 1 unless matter is thin.
     """
     scene = replace(stage.scene, camera=stage.camera)  # framed already: all variants have the same view
     if not scene.mode.is_projection:
         unit = stage.layers[0].transfer.unit
-        yield "Opacity", [_denser(studio, scene, unit / factor, frame, factor) for factor in _FACTORS]
+        factors = [denser * factor for factor in _FACTORS]
+        yield "Opacity", [_denser(studio, scene, unit / factor, frame, factor) for factor in factors]
     yield "Tolerance, and the cost of the whole film", coarser
     if looks:
         drawn = [sampled_volume(stage.layers[0].volume, _MOST_DRAWN)]
@@ -59,7 +60,7 @@ def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float
 
     unit: the length `unit` of the transfer function that has the same effect, for the lines of the scene file.
     """
-    caption = f"opacity × {factor:g}"
+    caption = f"opacity × {factor:.3g}"
     layers = tuple(replace(layer, weight=factor * layer.weight) for layer in scene.layers)
     if scene.has_list:
         lines = "\n".join(["volumes:", *(f"  - weight: {layer.weight:.6g}" for layer in layers)])

@@ -6,14 +6,15 @@ A user then does not spend minutes of drawing on such a film without a warning.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from renderer.accuracy.darkness import Darkness, darkness_of
+from renderer.accuracy.darkness import DARK, DrawDenser, brightness_of, explain_darkness, explain_thinness
 from renderer.accuracy.overexposure import overexposed_share, overexposure_note
 from renderer.accuracy.truths import is_loop, spread_evenly
 from renderer.film import over_background
@@ -49,22 +50,39 @@ _MOST_SAMPLED = 64
 # The step of the rays by which a film is looked at, in voxels.
 _STEP_VOXELS = 2.0
 
+T = TypeVar("T")
+
 
 class Glance(NamedTuple):
     """A fault of the pictures of a film.
 
     word: the fault in a word or a few, for a table; empty if it is no more than a remark. note: a sentence without its
-    full stop.
+    full stop. factor: the factor on all extinctions that makes a dark picture of thin matter bright; 1 for no such one.
     """
 
     word: str
     note: str
+    factor: float = 1.0
+
+
+class _Look(NamedTuple):
+    """A look at a frame, by rays through the middles of its pixels.
+
+    seen: the mean difference of the picture from its background, as a share of white. brightness: from 0 to 1.
+    """
+
+    frame: int
+    view: View
+    radiance: Float64
+    seen: float
+    brightness: float
 
 
 NOTHING = "nothing"
 NOTHING_VISIBLE = (
     "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
 )
+_INFO = "`hsplat info` lists the values that there are"
 
 
 def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
@@ -73,21 +91,22 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
     Frames that show next to nothing are a fault only if they are at least half of these frames: films fade in and out.
     """
     numbers = spread_evenly(frames, _MOST_FRAMES, is_loop=is_loop(stage.scene.at(0).camera.path))
-    seen, are_boxes, darkness, overexposed = list[float](), list[list[bool]](), list[Darkness](), list[float]()
+    are_boxes, looks, overexposed = list[list[bool]](), list[_Look](), list[float]()
     rays = SceneRays(stage, num_threads=num_threads) if isinstance(stage, Stage) else None
     for number in numbers:
-        at = stage if isinstance(stage, Stage) else _stage_at(stage, number, num_threads)
+        at = _stage_at(stage, number, num_threads)
         view = _small(view_of(at, number))
         places = pixel_centres(view.size)
         radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, places, _STEP_VOXELS)
-        seen.append(_seen(at, view, radiance))
-        darkness.append(darkness_of(at, radiance))
+        looks.append(_Look(number, view, radiance, _seen(at, view, radiance), brightness_of(at, radiance)))
         overexposed.append(overexposed_share(radiance))
         are_boxes.append([_is_box(layer, view, places, radiance[:, 3]) for layer in at.layers])
-    empty = [number for number, part in zip(numbers, seen, strict=True) if part < _LEAST_SEEN]
-    found = [_empty_glance(stage, empty, max(seen))] if 2 * len(empty) >= len(numbers) else []
-    if not found and (note := max(darkness).note):
-        found = [Glance("dark", note)]
+    found = list(_empty_glances(stage, looks, num_threads))
+    brightest = max(looks, key=attrgetter("brightness"))
+    if not found and brightest.brightness < DARK:
+        darkness = _explained(explain_darkness, stage, brightest, num_threads)
+        amount = f"{100 * brightest.brightness:.2g} % of white"
+        found = [Glance("dark", f"the picture is dark, at most {amount}: {darkness.why}", darkness.factor)]
     if not found and (note := overexposure_note(at, overexposed)):
         found = [Glance("too bright", note)]
     boxes = np.all(are_boxes, axis=0).tolist()
@@ -112,7 +131,9 @@ def look_at_scene(scene: FilmScene, frames: Sequence[int], *, num_threads: int) 
 
 
 def _stage_at(film: FilmStage, number: int, num_threads: int) -> Stage:
-    """Return the stage of a frame of a film in which something moves, made from some of the voxels to save time."""
+    """Return the stage of a frame; if something moves, it is made from some of the voxels to save time."""
+    if isinstance(film, Stage):
+        return film
     assert film.maker is not None
     scene = film.scene.at(number)
     distance, shift = scene.camera.distance or film.distance, scene.camera.shift or film.shift
@@ -151,20 +172,38 @@ def _seen(stage: Stage, view: View, radiance: Float64) -> float:
     return float((np.maximum(differs, shown[..., 3]) if background is None else differs).mean())
 
 
-def _empty_glance(stage: FilmStage, numbers: Sequence[int], most: float) -> Glance:
-    """Return the fault of frames that show too little.
-
-    numbers: the numbers of these frames. most: the largest mean difference from the background, as a share of white, of
-    all frames that were looked at.
-    """
-    *others, last = map(str, numbers)
+def _empty_glances(stage: FilmStage, looks: Sequence[_Look], num_threads: int) -> Iterator[Glance]:
+    """Yield the fault of frames that show too little, if they are at least half of the frames that were looked at."""
+    empty = [str(look.frame) for look in looks if look.seen < _LEAST_SEEN]
+    if 2 * len(empty) < len(looks):
+        return
+    *others, last = empty
     which = f"frames {', '.join(others)} and {last} show" if others else f"frame {last} shows"
-    if most < _NOTHING:
-        is_hidden = not any(layer.pyramid.occupied.any() for layer in stage.layers)
-        return Glance(NOTHING, NOTHING_VISIBLE if is_hidden else f"{which} {NOTHING}")
-    amount = f", {100 * most:.2g} % of white" * (most < _LEAST_SEEN)
-    word = "next to nothing"
-    return Glance(word, f"{which} {word}{amount}; `hsplat info` lists the values that there are")
+    look = max(looks, key=attrgetter("seen"))
+    word, amount, info = "next to nothing", f", {100 * look.seen:.2g} % of white", f"; {_INFO}"
+    if look.seen >= _LEAST_SEEN:
+        yield Glance(word, f"{which} {word}{info}")
+        return
+    if look.seen < _NOTHING:
+        if not any(layer.pyramid.occupied.any() for layer in stage.layers):
+            yield Glance(NOTHING, NOTHING_VISIBLE)
+            return
+        word, amount, info = NOTHING, "", ""
+    thin = _explained(explain_thinness, stage, look, num_threads)
+    why, factor = (info, 1.0) if thin is None else (f": {thin.why}", thin.factor)
+    yield Glance(word, f"{which} {word}{amount}{why}", factor)
+
+
+def _explained(explain: Callable[[Stage, Float64, DrawDenser], T], film: FilmStage, look: _Look, num_threads: int) -> T:
+    """Return an explanation of a picture, for which its rays may be drawn again through denser matter."""
+    stage = _stage_at(film, look.frame, num_threads)
+
+    def draw_denser(factor: float) -> Float64:
+        layers = [replace(layer, spec=replace(layer.spec, weight=factor * layer.spec.weight)) for layer in stage.layers]
+        rays = SceneRays(replace(stage, layers=tuple(layers)), num_threads=num_threads)
+        return rays.integrate(look.view, pixel_centres(look.view.size), _STEP_VOXELS)
+
+    return explain(stage, look.radiance, draw_denser)
 
 
 def _is_box(layer: Layer, view: View, places: Float64, opacities: Float64) -> bool:

@@ -94,6 +94,12 @@ class FilmStage:
         """Return the error of drawing a layer as a single cell, for the layer with the largest error."""
         return max(root_error(layer.pyramid) for layer in self.layers)
 
+    @property
+    def chosen_exposure(self) -> float | None:
+        """Return the exposure that `light.exposure: auto` chose, in stops; None if nothing was chosen."""
+        given, light = self.scene.at(0).light, self.groups[0].light
+        return None if given is None or given.exposure is not None or light is None else light.stops
+
     def require_unchanged(self) -> None:
         """Raise InputError if the file of a volume has changed."""
         for layer in self.layers:

@@ -52,7 +52,7 @@ from renderer.record import (
     summary_parts,
     version_notes,
 )
-from renderer.scene import FilmScene, TimeBudget, accuracy_of, counted, tolerance_at
+from renderer.scene import FilmScene, TimeBudget, accuracy_of, chosen_exposure_text, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 
 # The listener is told the predicted cost of a pass only if the pass takes at least this many seconds.
@@ -124,6 +124,8 @@ def make_film(
                 glances = look_ahead(stage, job.frames, num_threads=num_cores())
                 for glance in glances:
                     events.note(glance.note)
+                if (stops := stage.chosen_exposure) is not None:
+                    events.note(f"exposure: {chosen_exposure_text(stops)}")
                 events.prepared()
                 stage.seconds["read"] += read_seconds
                 film = FilmInProgress(

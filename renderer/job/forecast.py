@@ -31,7 +31,8 @@ class Forecast:
 
     glances: the faults of the film's pictures, if pictures were looked at. brick_memory: the bytes that the visible
     bricks need, and may take; None if no bricks were drawn here. light: the cost of the light of the first frame; None
-    for a scene without `light`.
+    for a scene without `light`. exposure: the exposure that `light.exposure: auto` chose, in stops; None if the scene
+    gives it.
     """
 
     seconds: float
@@ -39,6 +40,7 @@ class Forecast:
     glances: Sequence[Glance] = ()
     brick_memory: BrickMemory | None = None
     light: LightCost | None = None
+    exposure: float | None = None
 
     @property
     def seconds_text(self) -> str:

@@ -78,7 +78,8 @@ def forecast_frames(
         rows = np.array([row for row in found if row[0] == max(found)[0]])
         encoding, sizes[file] = np.average(rows[:, 2:], axis=0, weights=rows[:, 1]).tolist()
         seconds += encoding
-    return Forecast(seconds, sizes, brick_memory=executor.brick_memory, light=_light_cost(stage))
+    light, exposure = _light_cost(stage), stage.chosen_exposure
+    return Forecast(seconds, sizes, brick_memory=executor.brick_memory, light=light, exposure=exposure)
 
 
 def _light_cost(stage: FilmStage) -> LightCost | None:

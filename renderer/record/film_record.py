@@ -360,6 +360,9 @@ class FilmRecord:
     accuracy: Annotated[FilmAccuracy | None, "Accuracy of all frames together, by exact rays or paths."] = None
     visibility: Annotated[FilmVisibility | None, "Scalars that the pictures show, by the same rays."] = None
     volumes: Annotated[tuple[VolumeRecord, ...], "All volumes, if there are several."] = ()
+    exposure: Annotated[
+        float | None, types.COORDINATE, "Exposure that `light.exposure: auto` chose, in stops; left out if none."
+    ] = None
     memory: Annotated[BrickMemoryRecord | None, "Memory of bricks, if a single process drew."] = None
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()

@@ -90,6 +90,7 @@ def make_film_record(
         schedule=schedule,
         notes=(*notes, *visibility_notes(frames)),
         seconds={**stage.seconds, "total": seconds},
+        exposure=stage.chosen_exposure,
         accuracy=film_accuracy(frames),
         visibility=film_visibility(frames, [range_record(each) for each in scalar_ranges(stage)]),
         frames=tuple(frames),

@@ -87,6 +87,7 @@ from .light_section import (
     KeySpec as KeySpec,
     LightSpec as LightSpec,
     SurfaceSpec as SurfaceSpec,
+    chosen_exposure_text as chosen_exposure_text,
 )
 from .limits import (
     camera_problems as camera_problems,

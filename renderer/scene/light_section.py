@@ -181,6 +181,13 @@ class LightSpec:
         return vars(self) | {"exposure": "auto" if self.exposure is None else self.exposure}
 
 
+def chosen_exposure_text(stops: float) -> str:
+    """Return `-0.359375 stops (auto)` for an exposure that was chosen, with the option that keeps it."""
+    number = f"{stops:.10g}"  # all digits: the option draws the same bytes
+    keep = f"; --set light.exposure={number} keeps it in another light" if abs(stops) <= MAX_STOPS else ""
+    return f"{number} stop{'s' * (number != '1')} (auto){keep}"
+
+
 def check_light(node: TreeNode, given: Mapping[str, Any], layers: Sequence[tuple[TreeNode, Any]]) -> None:
     """Refuse sections of a scene that contradict its `light`.
 

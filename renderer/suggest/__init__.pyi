@@ -5,6 +5,7 @@ from .label_look import labels_with_looks as labels_with_looks
 from .looks_in_time import suggest_in_time as suggest_in_time
 from .over import suggest_over as suggest_over
 from .palette import colors_by_label as colors_by_label
+from .presets import DEFAULT_COVERAGE as DEFAULT_COVERAGE
 from .several import suggest_several as suggest_several
 from .suggested_light import with_light as with_light
 from .suggestion import ShownLayer as ShownLayer, Suggestion as Suggestion

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +108,59 @@ def test_a_dark_picture_says_why(sections: Any, reason: str) -> None:
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
         notes = [each.note for each in look_ahead(stage, [0], num_threads=1) if each.word == DARK]
     assert len(notes) == bool(reason) and all(reason in note for note in notes)
+
+
+def changed(note: str, tree: dict[str, Any]) -> dict[str, Any]:
+    """Return a scene with the values that a note states by `--set`."""
+    options = re.findall(r"--set (\S+)=(\S+)", note)
+    assert options
+    for path, value in options:
+        *sections, key = path.split(".")
+        part: Any = tree
+        for each in sections:
+            part = part[int(each) if each.isdecimal() else each]
+        part[key] = float(value)
+    return tree
+
+
+@pytest.mark.parametrize(("opacity", "unit"), [(0.004, None), (3e-4, None), (3e-4, 0.3), (0.02, 10), (1e-5, None)])
+def test_the_unit_that_a_note_states_makes_thin_matter_visible(opacity: float, unit: float | None) -> None:
+    """Its matter holds back as much light as that of a suggested picture."""
+    tree = scene_of([[100, 0], [160, opacity]])
+    tree["transfer_function"] |= {} if unit is None else {"unit": unit}
+    with prepare_stage(parse_scene(tree, base=Path()), clock=lambda: 0.0, num_threads=1) as stage:
+        glances = look_ahead(stage, range(6), num_threads=2)
+    (glance,) = glances
+    assert glance.word in (DARK, NEXT_TO_NOTHING, NOTHING) and glance.factor > 5
+    film = parse_scene(changed(glance.note, tree), base=Path())
+    with prepare_stage(film, clock=lambda: 0.0, num_threads=1) as stage:
+        assert look_ahead(stage, range(6), num_threads=2) == []
+        now = stage.layers[0].transfer.unit
+    assert now == pytest.approx((unit or 1) / glance.factor)
+
+
+def test_weights_are_stated_for_several_volumes() -> None:
+    tree = scene_of([])
+    of_ball = {"file": "ball.npy", "weight": 0.004, "color": "white", "range": [100, 160]}
+    volumes = [of_ball, of_ball | {"color": "red", "weight": 0.002, "range": [120, 200]}]
+    tree = {key: tree[key] for key in ("version", "camera", "output")} | {"volumes": volumes}
+    scene = parse_scene(tree, base=Path())
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+        (glance,) = look_ahead(stage, range(6), num_threads=2)
+    before = [layer["weight"] for layer in volumes]
+    assert seen(parse_scene(changed(glance.note, tree), base=Path())) == []
+    assert [layer["weight"] / old for layer, old in zip(volumes, before, strict=True)] == pytest.approx(
+        [glance.factor] * 2, rel=0.01
+    )
+
+
+def test_thin_matter_that_would_be_dark_if_it_were_dense() -> None:
+    """A note says so, and why."""
+    dark = GRAY | {"range": [0, 1500], "opacity": [[100, 0], [160, 0.006]]}
+    scene = parse_scene(scene_of([]) | {"transfer_function": dark}, base=Path())
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+        notes = [each.note for each in look_ahead(stage, range(6), num_threads=1)]
+    assert len(notes) == 1 and "it is denser, but the colors of the values that are seen are dark" in notes[0]
 
 
 @pytest.mark.parametrize(

@@ -90,6 +90,7 @@ def test_all_fields_of_a_record() -> None:
         "frames": [
             SIDECAR["frames"][0] | {
                 "predicted_seconds": 1.5, "device": "x", "blank": True, "digest": "0" * 32, "visible": [0.1, 0.0]}],
+        "exposure": -0.359375,
         "visibility": {
             "coverage": 0.25,
             "ranges": [{"share": 0.75, "opacity": 0.5, "high": -5.0}, {"share": 0.25, "opacity": 0.5, "low": -5.0}]},

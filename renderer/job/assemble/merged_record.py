@@ -48,6 +48,7 @@ def merged_record(picked: Sequence[FrameFile], output: OutputSpec, seconds: floa
     tools = _joined_tools(parts)
     device = tools.pop("device")
     shown = next((part.record.visibility.ranges for part in parts if part.record.visibility), ())
+    exposures = {part.record.exposure for part in parts}
     missed = dict.fromkeys(part.record.schedule.shortfall for part in parts if not part.record.schedule.met)
     return FilmRecord(
         scene=_scene(picked, output),
@@ -69,6 +70,7 @@ def merged_record(picked: Sequence[FrameFile], output: OutputSpec, seconds: floa
         frames=tuple(frames),
         accuracy=film_accuracy(frames),
         visibility=film_visibility(frames, shown),
+        exposure=first.exposure if len(exposures) == 1 else None,
         parts=tuple(_part_record(part, picked) for part in parts),
     )
 
