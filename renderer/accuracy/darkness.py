@@ -82,7 +82,7 @@ def explain_thinness(stage: Stage, radiance: Float64, draw_denser: DrawDenser) -
     if stage.scene.mode.is_projection:
         return Darkness(f"{amount}; higher opacities make it brighter")
     factor = _rounded(stage, _factor(opacities[opacities > _OF_OBJECT * opacity]))
-    remedy = f"{amount}; with {_options(stage, factor)} or higher opacities it is"
+    remedy = f"{amount}; with {_options(stage, factor)} it is"
     if brightness_of(stage, draw_denser(factor)) < DARK:
         return Darkness(f"{remedy} denser, but {_reason(stage)}", factor)
     return Darkness(f"{remedy} visible", factor)
@@ -112,7 +112,7 @@ def _options(stage: Stage, factor: float) -> str:
         weights = [f"{factor * layer.weight:.3g}" for layer in stage.scene.layers]
         return " ".join(f"--set volumes.{number}.weight={weight}" for number, weight in enumerate(weights))
     key, unit = next(iter(stage.scene.layers[0].look), "transfer_function"), stage.layers[0].transfer.unit
-    return f"--set {key}.unit={unit / factor:.2g} (it is {unit:.3g})"
+    return f"--set {key}.unit={unit / factor:.2g} (now {unit:.3g})"
 
 
 def _reason(stage: Stage) -> str:

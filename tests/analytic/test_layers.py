@@ -117,6 +117,15 @@ def test_pictures_are_those_of_exact_rays(name: str) -> None:
     assert decibels(image[..., 3], truth[..., 3]) > (45 if has_steps else 50)
 
 
+def test_two_layers_are_drawn_where_one_cell_stands_for_all_voxels() -> None:
+    """Then no brick has voxels, and the memory for their texels is empty."""
+    thin = [ENGINE | {"weight": 0.001}, OTHER | {"weight": 0.001}]
+    with staged(scene_of(thin, tolerance=0.1)) as stage:
+        image, truth = drawn_by_single_rays(stage), exact(stage)
+    assert truth.max() > 0.004
+    assert np.abs(image - truth).max() < 0.002
+
+
 @pytest.mark.parametrize(
     ("name", "least"),
     [

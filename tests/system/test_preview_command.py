@@ -79,7 +79,7 @@ def test_a_scene_and_the_lines_of_its_variants() -> None:
 def test_variants_of_thin_matter_are_around_the_unit_that_makes_it_visible() -> None:
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
     text = page_of("scene.yaml", "--set", "transfer_function.unit=60")
-    (unit,) = re.findall(r"--set transfer_function\.unit=(\S+) \(it is 60\)", Page(text).prose)
+    (unit,) = re.findall(r"--set transfer_function\.unit=(\S+) \(now 60\)", Page(text).prose)
     units = [60 / float(caption) for caption in re.findall(r">opacity × ([0-9.]+)", text)]
     assert units == pytest.approx([2 * float(unit), float(unit), float(unit) / 2], rel=0.01)
     stated = [lines["transfer_function"] for lines in lines_of(text) if "transfer_function" in lines][:3]

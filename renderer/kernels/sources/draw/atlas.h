@@ -96,6 +96,6 @@ inline bool have(const AtlasTexels& atlas, bool gradients, bool numbers) {
 // takes in the atlas if kernels do not make it.
 inline bool can_be_drawn(const AtlasTexels& atlas, int64_t brick, int64_t num) {
     int64_t offset = offset_of(atlas, brick);
-    if (offset > atlas.texels.shape[0] - (atlas.rules.exists ? own_size(atlas) : num)) return false;
-    return offset >= NOTHING || (atlas.rules.exists && is_brick_of(atlas.rules.value, atlas.cells[brick]));
+    if (offset >= 0) return offset <= atlas.texels.shape[0] - (atlas.rules.exists ? own_size(atlas) : num);
+    return offset == NOTHING || (atlas.rules.exists && is_brick_of(atlas.rules.value, atlas.cells[brick]));
 }

@@ -367,7 +367,7 @@ inline bool can_be_drawn(const Field& field, int64_t brick, bool is_mean) {
     int64_t num = (has_channels ? 4 : 1) * TEXELS_PER_BRICK + (has_channels || field.is_labels) * READ_BEHIND;
     if (!is_mean) return can_be_drawn(field.voxels, brick, num);
     int64_t offset = offset_of(field.voxels, brick);
-    return offset >= NOTHING && offset <= field.means.shape[0] - num;
+    return offset == NOTHING || (offset >= 0 && offset <= field.means.shape[0] - num);
 }
 
 // Return whether the arrays of a field are large enough: for all bricks, for a piece of the transfer function for each
