@@ -69,6 +69,8 @@ _API_OPTIONS: dict[str, dict[str, object]] = {
 }
 # The paragraphs of stored pages that say where the reference is; on the site it follows.
 _POINTER = re.compile(r"\n\[The site\]\(contributing/README\.md#this-site\)[^\n]*(?:\n[^\n]+)*\n")
+# A cell of the page of options with a default that is words.
+_DEFAULT_IN_WORDS = re.compile(r"<td><code>([^<]* [^<]*)</code></td>")
 # The languages of files, by the ends of their names.
 _LANGUAGES = {".yaml": "yaml", ".yml": "yaml"}
 
@@ -173,5 +175,10 @@ def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: File
 
 
 def on_page_content(html: str, page: Any, config: MkDocsConfig, files: Files) -> str:
-    """Leave the cells of options without a default empty, in which mkdocs-click writes `None`."""
-    return html.replace("<td>None</td>", "<td></td>") if page.file.src_uri == "options.md" else html
+    """Leave the cells of options without a default empty, and show defaults that are words as text.
+
+    mkdocs-click writes `None` into the first ones, and shows all defaults as code.
+    """
+    if page.file.src_uri != "options.md":
+        return html
+    return _DEFAULT_IN_WORDS.sub(r"<td>\1</td>", html.replace("<td>None</td>", "<td></td>"))
