@@ -29,7 +29,7 @@ _FILES_PAGE = "files.md"
 _FILES_HEAD = """\
 # Example scenes and other files
 
-These files of the repository are named on the other pages. Save a scene, and `hsplat render` makes its film.
+Other pages name these files of the repository. Save a scene, and `hsplat render` makes its film.
 """
 # mkdocs-click replaces the block by the commands.
 _OPTIONS_PAGE = f"""\
