@@ -1,4 +1,4 @@
-"""Define the Python API: pictures, films and exact pictures from a scene file, a Scene or a numpy array.
+"""Define the Python API: pictures, films and exact pictures from a scene file, a scene or a numpy array.
 
 The API draws in this process, on all cores, to the same bytes as the command `hsplat render`.
 """
@@ -118,14 +118,14 @@ def suggest_scene(
     transfer_function
         By default, a transfer function is suggested, as by `hsplat init`. Other values are the name of a colormap, for
         the colours of the suggestion; `{"preset": "bone"}`, with a preset of `hsplat init --preset`; control points
-        `(value, color, opacity)`; or a mapping or a TransferSpec, as in a scene file. Opacities are per smallest
-        spacing.
+        `(value, color, opacity)`; or a mapping as in a scene file. Opacities without a `unit` are of matter as thick as
+        the smallest spacing.
     light
         Light that matter scatters, in place of shading: studio, outdoor or overcast, as `hsplat init --light` suggests
         it for one volume; or a mapping, as in a scene file. It suits opaque matter, and takes longer.
     camera
-        A mapping or a CameraSpec, as in a scene file. Missing keys have the values of a turntable of 120 frames, 20
-        degrees above the object, framed so that nothing is cut off.
+        A mapping as in a scene file, or the camera of a scene. Missing keys have the values of a turntable of 120
+        frames, 20 degrees above the object, framed so that nothing is cut off.
     size
         (width, height) of the pictures, in pixels; 512 x 512 by default.
     background
@@ -175,12 +175,12 @@ def render_frame(
 ) -> FrameImage:
     """Draw one frame, without writing a file.
 
-    `suggest_scene` says more of the parameters from `labels` on. They replace the values of a scene.
+    `suggest_scene` describes the parameters from `labels` on in full. They replace the values of a scene.
 
     Parameters
     ----------
     scene
-        A Scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
+        A scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
         suggested.
     frame
         The number of the frame on the camera's path; -1 for the last frame.
@@ -195,7 +195,7 @@ def render_frame(
     light
         Light that matter scatters: the name of an environment or a mapping; for a scene, a mapping.
     camera
-        A mapping or a CameraSpec.
+        A mapping, or the camera of a scene.
     size
         (width, height) of the picture, in pixels.
     background
@@ -261,7 +261,7 @@ def render(
     Parameters
     ----------
     scene
-        A Scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
+        A scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
         suggested.
     output
         The only file to write, in place of the scene's outputs: film.mp4, film.webp and so on, a template such as
@@ -322,7 +322,7 @@ def preview(scene: SceneLike) -> Page:
     Parameters
     ----------
     scene
-        A Scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
+        A scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
         suggested.
 
     Returns
@@ -368,7 +368,7 @@ def integrate(
     Parameters
     ----------
     scene
-        A Scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
+        A scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
         suggested.
     frame
         The number of the frame on the camera's path; -1 for the last frame.

@@ -27,8 +27,9 @@ from renderer.scene import (
 )
 from renderer.suggest import NO_WISH, Wish
 
-# The types that the API takes for a transfer function: a colormap's name, control points, a mapping, or a TransferSpec.
 TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
+"""A transfer function: the name of a colormap; control points; a mapping as in a scene file, or with a preset; or a
+TransferSpec, such as `scene.at(0).layers[0].transfer_function`."""
 
 
 class NibabelImage(Protocol):
@@ -68,9 +69,10 @@ class NapariLayer(Protocol):
         """Return the lengths of a voxel along (z, y, x)."""
 
 
-# The types that the API takes for a volume: an array [z, y, x], an image of a library, or the name of a file. Arrays of
-# xarray are taken as arrays by type checkers.
+# Type checkers take arrays of xarray as arrays.
 ImageLike: TypeAlias = "str | os.PathLike[str] | npt.ArrayLike | NibabelImage | ItkImage | NapariLayer"
+"""A volume: an array [z, y, x]; an image of nibabel, ITK, SimpleITK or xarray; a layer of napari; or the name of a
+file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +123,8 @@ class Layer:
         return None
 
 
-# The types that the API takes for a scene of volumes: one, a list of several, or a mapping from names to volumes.
 VolumesLike: TypeAlias = "ImageLike | Layer | Sequence[ImageLike | Layer] | Mapping[str, ImageLike | Layer]"
+"""One volume; or several in a list, or in a mapping from names to volumes. Each is an `ImageLike` or a `Layer`."""
 
 # The keys of `labels` in a scene. A mapping with other keys is a table of names.
 _LABELS_KEYS = ("colors", "opacity", "show", "hide", "names", "unit")

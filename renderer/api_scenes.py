@@ -42,12 +42,13 @@ from renderer.scene import (
 )
 from renderer.suggest import NO_WISH, FilmOptions, Wish, suggest_several
 
-# The types that the API takes for a scene: a scene, the name of a scene file, or one or several volumes.
 SceneLike: TypeAlias = "FilmScene | VolumesLike"
-# The types that the API takes for a camera: a mapping, or a CameraSpec.
+"""A `FilmScene`; the name of a scene file; or one or several volumes (`VolumesLike`), for which a scene is
+suggested."""
 CameraLike: TypeAlias = "Mapping[str, Any] | CameraSpec"
-# The types that the API takes for a light: a mapping, or the name of an environment.
+"""A camera: a mapping as in a scene file, or a CameraSpec, such as `scene.at(0).camera`."""
 LightLike: TypeAlias = "Mapping[str, Any] | str"
+"""A light that matter scatters: a mapping as in a scene file, or the name of an environment."""
 
 # The keys of a scene, each with the parameter of the API that sets it. Errors name the parameter.
 _PARAMETERS = {

@@ -281,9 +281,13 @@ class _MovingScene(FilmScene):
 class Scene(FilmScene):
     """A complete job with plain values: a film in which nothing moves, or one frame of a film in which something moves.
 
-    layers: the volumes that are drawn.
-    shared: the shading and the mask that the text of the scene gives to all volumes of its list, and that the layers
-        have already. None if the text has one volume and no list.
+    Attributes
+    ----------
+    layers
+        The volumes that are drawn.
+    shared
+        The shading and the mask that the text of the scene gives to all volumes of its list, and that the layers have
+        already. None if the text has one volume and no list.
     """
 
     layers: tuple[LayerSpec, ...]

@@ -1,7 +1,8 @@
 """The commands for mkdocs-click, which makes a table of the options of each on the page `options.md` of the site.
 
 The plugin shows the name of an option's type, the stored default, and the help as Markdown. The commands here have the
-placeholder as the type's name, such as KEY=VALUE, the default that `--help` states, and plain help.
+placeholder as the type's name, such as KEY=VALUE, or the values that are allowed; the default that `--help` states, in
+its help or behind it; and plain help.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from hsplat_cli.main import hsplat
 
 # Code between backticks, or a character with a meaning in Markdown.
 _MARKS = re.compile(r"`[^`]*`|[\\*_{}\[\]<>#|~]")
+# The default at the end of a help.
+_STATED_DEFAULT = re.compile(r"\s*\[default: (.*)\]$")
 
 
 class _Placeholder(click.ParamType):
@@ -34,15 +37,29 @@ def _shown(parameter: click.Parameter) -> click.Parameter:
     if not isinstance(parameter, click.Option):
         return parameter
     option = copy.copy(parameter)
-    option.help = _plain(f"{option.help or ''}{' [required]' * option.required}")
+    text = f"{option.help or ''}{' [required]' * option.required}"
+    stated = _STATED_DEFAULT.search(text)
+    option.help = _plain(_STATED_DEFAULT.sub("", text))
     option.required = False
-    # Without `show_default`, the help says the default where it matters.
-    option.default = option.default if option.show_default else None
-    if option.is_flag:
-        option.type = _Placeholder("flag")
-    elif option.metavar:
-        option.type = _Placeholder(_plain(option.metavar))
+    # Where there is neither `show_default` nor a default in brackets, the help says it in words, if it matters.
+    option.default = option.default if option.show_default else stated and stated[1]
+    option.type = _Placeholder(_plain(_values_of(option)))
     return option
+
+
+def _values_of(option: click.Option) -> str:
+    """Return the placeholder of an option's value, its choices, or its bounds."""
+    if option.is_flag:
+        return "flag"
+    if option.metavar:
+        return option.metavar
+    if isinstance(option.type, click.Choice):
+        return " | ".join(map(str, option.type.choices))
+    if isinstance(option.type, (click.IntRange, click.FloatRange)):
+        low, high = option.type.min, option.type.max
+        bounds = f"from {low}" if high is None else f"{low} to {high}" if low is not None else f"to {high}"
+        return f"{option.type.name.removesuffix(' range')} {bounds}"
+    return option.type.name
 
 
 def _documented(command: click.Command) -> click.Command:

@@ -12,7 +12,7 @@ from renderer.scene import PATH_EXAMPLES, SECTIONS, join_words, scene_keys, sche
 SCENE_PAGE = Path(__file__).resolve().parents[2] / "docs" / "scene.md"
 # Each part that is made: the text before it, and the text after it.
 _LISTING = ("```yaml\n", "```\n")
-_MOVING = ("in place of these keys.\n\n", "\nThe colors of labels")
+_MOVING = ("in place of these keys.\n\n", "\nColours of labels")
 
 _WIDTH = 120
 # The column of comments behind values, and the longest line that has its comment behind it.

@@ -29,7 +29,7 @@ _FILES_PAGE = "files.md"
 _FILES_HEAD = """\
 # Example scenes and other files
 
-These files of the repository are named on the other pages. Save a scene, and `hsplat render` makes its film.
+Other pages name these files of the repository. Save a scene, and `hsplat render` makes its film.
 """
 # mkdocs-click replaces the block by the commands.
 _OPTIONS_PAGE = f"""\
@@ -45,25 +45,32 @@ _OPTIONS_PAGE = f"""\
     :style: table
     :list_subcommands: true
 """
-# The names in the reference of the Python API, in the order of the page.
-_API = (
-    "render_frame",
-    "render",
-    "load_scene",
-    "suggest_scene",
-    "preview",
-    "integrate",
-    "Layer",
-    "Film",
-    "FrameImage",
-    "ExactImage",
-    "Page",
-    "HsplatError",
-    "InputError",
-    "SceneError",
-    "OutputLockedError",
-    "RenderError",
-)
+# The names in the reference of the Python API below their headings: all that `renderer` offers, and the types that
+# signatures name, with their modules.
+_TYPES = "Types of parameters"
+_API = {
+    "Functions": ("render_frame", "render", "load_scene", "suggest_scene", "preview", "integrate"),
+    "Volumes and scenes": ("Layer", "FilmScene", "Scene"),
+    "Results": ("Film", "FrameImage", "ExactImage", "Page"),
+    "Errors": ("HsplatError", "InputError", "SceneError", "OutputLockedError", "RenderError"),
+    _TYPES: (
+        "api_scenes.SceneLike",
+        "api_scenes.CameraLike",
+        "api_scenes.LightLike",
+        "api_layers.VolumesLike",
+        "api_layers.ImageLike",
+        "api_layers.TransferLike",
+    ),
+}
+# The options of names whose reference has other parts than that of the others. Users make no Scene by its class.
+_API_OPTIONS: dict[str, dict[str, object]] = {
+    "FilmScene": {"members": ["at", "num_frames"]},
+    "Scene": {"merge_init_into_class": False},
+}
+# The paragraphs of stored pages that say where the reference is; on the site it follows.
+_POINTER = re.compile(r"\n\[The site\]\(contributing/README\.md#this-site\)[^\n]*(?:\n[^\n]+)*\n")
+# A cell of the page of options with a default that is words.
+_DEFAULT_IN_WORDS = re.compile(r"<td><code>([^<]* [^<]*)</code></td>")
 # The languages of files, by the ends of their names.
 _LANGUAGES = {".yaml": "yaml", ".yml": "yaml"}
 
@@ -121,14 +128,24 @@ def _files_page(paths: set[str]) -> str:
     found = {file for path in paths for file in ([ROOT / path] if (ROOT / path).is_file() else (ROOT / path).iterdir())}
     sections = [
         f"## {file.relative_to(ROOT)}\n\n````{_LANGUAGES.get(file.suffix, 'text')}\n{file.read_text('utf-8')}````\n"
-        for file in sorted(found)
+        for file in sorted(found, key=lambda file: (file.relative_to(ROOT).parts[0] != "configs", file))
     ]
     return "\n".join([_FILES_HEAD, *sections])
 
 
 def _api_reference() -> Iterator[str]:
-    """Yield the blocks that mkdocstrings replaces by signatures and docstrings."""
-    return (f"::: renderer.{name}\n" for name in _API)
+    """Yield the blocks that mkdocstrings replaces by signatures and docstrings.
+
+    Raises PluginError, which ends the build, if a public name of `renderer` is missing.
+    """
+    public = set(re.findall(r" as (\w+)", (ROOT / "renderer" / "__init__.pyi").read_text("utf-8")))
+    described = {name for heading, names in _API.items() if heading != _TYPES for name in names}
+    if public != described:
+        raise PluginError(f"not the names of renderer/__init__.pyi: {sorted(public ^ described)}")
+    for heading, names in _API.items():
+        yield f"## {heading}\n"
+        for name in names:
+            yield f"::: renderer.{name}\n    options: {json.dumps(_API_OPTIONS.get(name, {}))}\n"
 
 
 # The reference that ends a stored page, as functions that yield its lines.
@@ -142,7 +159,7 @@ _REFERENCES: dict[str, Callable[[], Iterable[str]]] = {
 def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: Files) -> str:
     """Add the reference, and let links that leave docs/ lead to the page of files, and to the notebook to its page."""
     if page.file.src_uri in _REFERENCES:
-        markdown = "\n".join([markdown, "", *_REFERENCES[page.file.src_uri]()])
+        markdown = "\n".join([_POINTER.sub("", markdown), "", *_REFERENCES[page.file.src_uri]()])
 
     def link_on_site(link: re.Match[str]) -> str:
         if link[1].endswith("api.ipynb"):
@@ -158,5 +175,10 @@ def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: File
 
 
 def on_page_content(html: str, page: Any, config: MkDocsConfig, files: Files) -> str:
-    """Leave the cells of options without a default empty, in which mkdocs-click writes `None`."""
-    return html.replace("<td>None</td>", "<td></td>") if page.file.src_uri == "options.md" else html
+    """Leave the cells of options without a default empty, and show defaults that are words as text.
+
+    mkdocs-click writes `None` into the first ones, and shows all defaults as code.
+    """
+    if page.file.src_uri != "options.md":
+        return html
+    return _DEFAULT_IN_WORDS.sub(r"<td>\1</td>", html.replace("<td>None</td>", "<td></td>"))

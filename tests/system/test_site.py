@@ -76,8 +76,13 @@ def test_the_reference_is_made_of_commands_docstrings_and_declarations(site: dic
     assert all(f'id="hsplat-{name}"' in options for name in main.COMMANDS)
     assert "<td><code>--set</code></td>\n<td>KEY=VALUE</td>" in options
     assert "UNSET" not in options and "<td>None" not in options
-    public = set(renderer.__all__) - {"FilmScene", "Scene"}  # docs/scene.md has these
-    assert set(re.findall(r'<h2 id="renderer\.(\w+)"', api)) == public
+    # Choices, and a default in words.
+    assert "<td>mp4 &#124; webm &#124; " in options
+    assert "<td>the first</td>" in options
+    assert set(re.findall(r'<h3 id="renderer\.(\w+)"', api)) == set(renderer.__all__)
+    assert 'href="#renderer.api_layers.ImageLike">ImageLike</a>' in api
+    # The sentence of the stored page that leads here.
+    assert not any("The site</a>" in page for page in (api, formats, sidecar))
     # Parameters of two functions, and an attribute: a section that is not understood would be a paragraph.
     assert api.count("<b><code>spacing</code></b>") == 2
     assert 'title="renderer.Layer.spacing"' in api
