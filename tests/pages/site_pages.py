@@ -64,6 +64,11 @@ _API = (
     "OutputLockedError",
     "RenderError",
 )
+# Words that lead from the repository to the site, and the words in their place on the site.
+_ON_SITE = {
+    r"as\s\[the\ssite\]\([^)]*#this-site\) does": "as [Options of commands](options.md) does",
+    r"\son\s\[the\ssite\]\([^)]*#this-site\)": "",
+}
 # The languages of files, by the ends of their names.
 _LANGUAGES = {".yaml": "yaml", ".yml": "yaml"}
 
@@ -140,7 +145,9 @@ _REFERENCES: dict[str, Callable[[], Iterable[str]]] = {
 
 
 def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: Files) -> str:
-    """Add the reference, and let links that leave docs/ lead to the page of files, and to the notebook to its page."""
+    """Add the reference, let links that leave docs/ lead to the page of files, and links to the site into it."""
+    for place, text in _ON_SITE.items():
+        markdown = re.sub(place, text, markdown)
     if page.file.src_uri in _REFERENCES:
         markdown = "\n".join([markdown, "", *_REFERENCES[page.file.src_uri]()])
 
