@@ -67,7 +67,7 @@ _API_OPTIONS: dict[str, dict[str, object]] = {
     "FilmScene": {"members": ["at", "num_frames"]},
     "Scene": {"merge_init_into_class": False},
 }
-# The paragraphs of stored pages that say where the reference is; on the site it follows.
+# The paragraphs of stored pages that say what the site has.
 _POINTER = re.compile(r"\n\[The site\]\(contributing/README\.md#this-site\)[^\n]*(?:\n[^\n]+)*\n")
 # A cell of the page of options with a default that is words.
 _DEFAULT_IN_WORDS = re.compile(r"<td><code>([^<]* [^<]*)</code></td>")
@@ -158,8 +158,9 @@ _REFERENCES: dict[str, Callable[[], Iterable[str]]] = {
 
 def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: Files) -> str:
     """Add the reference, and let links that leave docs/ lead to the page of files, and to the notebook to its page."""
+    markdown = _POINTER.sub("", markdown)
     if page.file.src_uri in _REFERENCES:
-        markdown = "\n".join([_POINTER.sub("", markdown), "", *_REFERENCES[page.file.src_uri]()])
+        markdown = "\n".join([markdown, "", *_REFERENCES[page.file.src_uri]()])
 
     def link_on_site(link: re.Match[str]) -> str:
         if link[1].endswith("api.ipynb"):

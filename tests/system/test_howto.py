@@ -36,9 +36,9 @@ def _runs(page: Path) -> Any:
 
 @pytest.mark.parametrize("page", howto_pages(), ids=lambda page: page.stem)
 def test_a_page_has_the_form_of_all(page: Path) -> None:
-    """It has few words, begins with its goal in one sentence, and ends with a picture and three links."""
+    """It has few words, begins with its goal in one sentence and a picture, and ends with three links."""
     assert words_of(page) <= MAX_WORDS
-    heading, goal, *_, picture, links = page.read_text("utf-8").strip().split("\n\n")
+    heading, goal, picture, *_, links = page.read_text("utf-8").strip().split("\n\n")
     assert heading.startswith("# ")
     assert goal.count(".") == 1 and goal.endswith(".")
     assert re.fullmatch(rf"!\[.{{20,}}\]\({page.stem}\.webp\)", picture)
