@@ -6,6 +6,7 @@ own, whose largest memory is in the table.
 
 from __future__ import annotations
 
+import argparse
 import json
 import multiprocessing
 import resource
@@ -59,6 +60,7 @@ class Figures(NamedTuple):
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__.partition("\n")[0]).parse_args()
     lines = [machine_line(), ""]
     with tempfile.TemporaryDirectory() as name:
         for line in tables(Path(name)):
