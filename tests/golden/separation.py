@@ -119,7 +119,7 @@ def _lists(found: Found) -> Iterator[str]:
     """Yield the numbers of defects that are seen and that are not, and the defects that limits find in every frame."""
     rows = [row for group in found.values() for row in group if row.is_defect]
     num_seen, by_45 = sum(row.is_seen for row in rows), sum(not row.passes("45 dB") and not row.is_seen for row in rows)
-    yield f"- {num_seen} are seen, and {len(rows) - num_seen} are fainter; 45 dB finds {by_45} of these."
+    yield f"- {num_seen} are seen, and {len(rows) - num_seen} are fainter; 45 dB finds {by_45 or 'none'} of these."
     seen = _by_change(found, lambda row: row.is_defect and row.is_seen)
     by_40 = [change for change, groups in seen.items() if _is_found("40 dB", groups) and _is_found("45 dB", groups)]
     only_45 = [change for change, groups in seen.items() if _is_found("45 dB", groups) and change not in by_40]
@@ -133,7 +133,7 @@ def _harmless(found: Found) -> Iterator[str]:
         [change, *_cells(groups, lambda rows: _decibels(_parts(rows)[0]), lambda part: part.passing, is_passing=True)]
         for change, groups in _by_change(found, lambda row: not row.is_defect).items()
     ]
-    columns = ["bricks: worst part", "`same bytes`, `45 dB`", "splats: worst part", "`same bytes`, `40 dB`"]
+    columns = ["bricks: worst part", "passed", "splats: worst part", "passed"]
     yield from _table(["change", *columns], lines)
 
 
