@@ -246,42 +246,37 @@ def page(found: Measured) -> Iterator[str]:
         f"{deviations.max():.1f} dB at the most)."
     )
     yield ""
-    yield from summary(found.films)
+    yield from summary(found.films, [each.saved for each in found.savings])
     yield from each_film(found.films)
     yield from too_good([film for film in found.films if film.coarser])
     yield from savings(found.savings)
 
 
-def summary(films: Sequence[Film]) -> Iterator[str]:
-    """Yield what the films say together."""
+def summary(films: Sequence[Film], saved: Sequence[float]) -> Iterator[str]:
+    """Yield a table of what the films say together. saved: the shares of time that varying tolerances save."""
     reachable = [film for film in films if film.is_reachable]
     margins = np.concatenate([np.subtract(film.psnrs, film.goal) for film in reachable])
     excess = [film.excess for film in reachable]
-    shares = [film.share for film in reachable]
-    searching = {name: [getattr(film, name) for film in films] for name in ("num_trials", "seconds", "cpu_seconds")}
-    medians = {name: float(np.median(values)) for name, values in searching.items()}
-    yield "## Summary"
-    yield ""
-    yield (
-        f"- {np.mean(margins >= 0):.1%} of the {margins.size} frames reach their goal, and "
-        f"{np.mean(margins >= -LARGE_MISS):.1%} reach it or miss it by at most {LARGE_MISS:g} dB. The worst frame "
-        f"misses it by {max(0.0, -margins.min()):.1f} dB."
-    )
-    yield (
-        f"- In {sum(share == 1 for share in shares)} of {len(reachable)} films all frames reach it, in "
-        f"{sum(share >= 0.9 for share in shares)} at least nine of ten; the least share is {min(shares):.0%}. "
-        f"The search found {len(reachable)} of the {len(films)} goals to be reachable."
-    )
-    yield (
-        f"- Films are {np.median(excess):.1f} dB too good (the median of their means), {min(excess):.1f} to "
-        f"{max(excess):.1f} dB. {sum(each > TOO_GOOD for each in excess)} are more than {TOO_GOOD:g} dB too good."
-    )
-    yield (
-        f"- A search draws {medians['num_trials']:.0f} trial pictures (median), at most "
-        f"{max(searching['num_trials'])}, and takes {medians['seconds']:.1f} s beyond their drawing, at most "
-        f"{max(searching['seconds']):.1f} s; of processors {medians['cpu_seconds']:.1f} s, at most "
-        f"{max(searching['cpu_seconds']):.1f} s."
-    )
+    all_reach, most_reach = (sum(film.share >= least for film in reachable) for least in (1, 0.9))
+    trials, seconds = ([getattr(film, name) for film in films] for name in ("num_trials", "cpu_seconds"))
+    worst = min(reachable, key=lambda film: min(film.psnrs) - film.goal)
+    rows = {
+        "frames that reach their goal": f"{np.mean(margins >= 0):.1%}",
+        f"frames that reach it or miss it by at most {LARGE_MISS:g} dB": f"{np.mean(margins >= -LARGE_MISS):.1%}",
+        f"the worst frame, of {worst.scene} at {worst.goal:g} dB, misses it by": f"{max(0.0, -margins.min()):.1f} dB",
+        "films in which all frames reach it": f"{all_reach}; at least nine of ten in {most_reach}",
+        "too good by": f"{np.median(excess):.1f} dB in the median, {min(excess):.1f} to {max(excess):.1f}",
+        "trial pictures of a search": f"{np.median(trials):.0f} in the median, at most {max(trials)}",
+        "a search beyond their drawing": (
+            f"{np.median(seconds):.1f} s of a processor in the median, at most {max(seconds):.1f}"
+        ),
+        "varying tolerances against the finest one for all frames": (
+            f"{_percent(float(np.mean(saved)))} of the time saved in the mean, {_percent(min(saved))} to "
+            f"{_percent(max(saved))}"
+        ),
+    }
+    yield from section("Summary", "", f"measure | of {len(reachable)} films, {margins.size} frames")
+    yield from (f"| {measure} | {value} |" for measure, value in rows.items())
     yield ""
 
 

@@ -6,6 +6,7 @@ own, whose largest memory is in the table.
 
 from __future__ import annotations
 
+import argparse
 import json
 import multiprocessing
 import resource
@@ -30,6 +31,7 @@ PAGE = PAGES / "large.md"
 # Voxels along x, y and z.
 LARGE = (1024, 1024, 2048)
 CUBES = (128, 512)
+COLUMNS = "side, voxels | look | prepared, s | first frame, s | later frames, s | memory, GiB"
 SIZE = [512, 512]
 FRAMES = (0, 1, 2, 3)
 # Scalars of the shell around the object, of its inside, and of the noise beyond.
@@ -59,6 +61,7 @@ class Figures(NamedTuple):
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__.partition("\n")[0]).parse_args()
     lines = [machine_line(), ""]
     with tempfile.TemporaryDirectory() as name:
         for line in tables(Path(name)):
@@ -69,13 +72,13 @@ def main() -> None:
 
 def tables(folder: Path) -> Iterator[str]:
     """Make the volumes, and yield the lines of all tables."""
-    yield from section("Large volumes", "", "volume | look | prepared | first frame | later frames | memory")
+    yield from section("Large volumes", "", COLUMNS)
     for shape in (LARGE, *((side,) * 3 for side in CUBES)):
         file = write_volume(folder / "volume.raw", shape)
         for look in LOOKS:
             found = alone(scene_of(file, shape, look))
-            cells = f"{found.prepared:.1f} s | {found.first:.2f} s | {found.later:.3f} s | {found.memory:.1f} GiB"
-            yield f"| {' x '.join(map(str, shape))} | {look} | {cells} |"
+            cells = f"{found.prepared:.1f} | {found.first:.2f} | {found.later:.3f} | {found.memory:.1f}"
+            yield f"| {', '.join(map(str, dict.fromkeys(shape) if shape != LARGE else shape))} | {look} | {cells} |"
         if shape == LARGE:
             described = [taken(command, file, shape) for command in ("info", "init")]
     yield ""

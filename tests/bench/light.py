@@ -1,19 +1,20 @@
-"""How near to paths of light is scattered light? `python tests/bench/light.py DATA` prints a table.
+"""How near to paths of light is scattered light? `python tests/bench/light.py DATA` writes the page of it.
 
 Six scans with their suggested transfer functions, in the light of a studio with a key light. The error is that of
 shown pictures (sRGB), against the mean over each pixel, without the noise of the paths. All grids of a scan
-have one exposure.
+have one exposure. The page is build/benchmarks/light.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
 import numpy as np
 import numpy.typing as npt
-from measuring import THREADS, parser_of
+from measuring import PAGES, THREADS, machine_line, parser_of, write_page
 
 import renderer
 from renderer.draw import BrickRasterizer
@@ -23,6 +24,7 @@ from renderer.scene import KeySpec, LightSpec, Scene
 from renderer.truth import PathTracer, TrueLayer, light_of_pixels
 from renderer.volume import Float64
 
+PAGE = PAGES / "light.md"
 SCANS = (
     "engine.nhdr",
     "bonsai.nhdr",
@@ -90,23 +92,26 @@ def shown(radiance: npt.ArrayLike) -> Float64:
 
 def main() -> None:
     data = parser_of(__doc__).parse_args().data
-    print(f"{'scan':30} {'grid':>15} {'PSNR':>6} {'brightness':>10} {'solve':>7}")
+    heads = " | ".join(f"`cells: {cells}`: dB, brightness, s" for cells in CELLS)
+    lines = [machine_line(), "", f"| scan | {heads} |", "|---" * (len(CELLS) + 1) + "|"]
     for name in SCANS:
-        light, truth = LIGHT, np.zeros(0)
-        for cells in CELLS:
-            stage = stage_of(data / name, replace(light, cells=cells))
-            if not truth.size:
-                truth = traced(stage)
-                light = replace(light, exposure=solved(stage).stops)
-            picture = drawn(stage)
-            errors = (shown(picture) - shown(truth[0])) * (shown(picture) - shown(truth[1]))
-            decibels = -10 * np.log10(max(float(errors.mean()), 1e-12))
-            grid = "x".join(str(side) for side in solved(stage).radiance.shape[2::-1])
-            print(
-                f"{name:30} {grid:>15} {decibels:6.1f} {picture.mean() / truth.mean():10.3f} "
-                f"{stage.seconds['light']:5.1f} s",
-                flush=True,
-            )
+        lines.append(f"| {Path(name).name.partition('.')[0]} | {' | '.join(measured(data / name))} |")
+        print(lines[-1], flush=True)
+        write_page(PAGE, lines)
+
+
+def measured(path: Path) -> Iterator[str]:
+    """Yield a cell for each grid of a scan: decibels, the ratio of brightness, and the seconds to find the light."""
+    light, truth = LIGHT, np.zeros(0)
+    for cells in CELLS:
+        stage = stage_of(path, replace(light, cells=cells))
+        if not truth.size:
+            truth = traced(stage)
+            light = replace(light, exposure=solved(stage).stops)
+        picture = drawn(stage)
+        errors = (shown(picture) - shown(truth[0])) * (shown(picture) - shown(truth[1]))
+        decibels = -10 * np.log10(max(float(errors.mean()), 1e-12))
+        yield f"{decibels:.1f}, {picture.mean() / truth.mean():.3f}, {stage.seconds['light']:.1f}"
 
 
 if __name__ == "__main__":

@@ -12,9 +12,6 @@ from subjects import Change, Pixels, Shot
 
 from hsplat_cli.compare import Figures, Limit, measure_difference, parse_rules
 
-# The limits that are measured, as options spell them.
-LIMITS = ("same bytes", "stated accuracy", "45 dB", "40 dB", "35 dB")
-
 
 @dataclass(frozen=True)
 class Measured:

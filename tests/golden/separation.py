@@ -1,9 +1,9 @@
 """Measure which limits of a comparison find which defects, and at which PSNR of the worst part.
 
-`python tests/golden/separation.py bricks` draws several scenes with every defect and every harmless change, and writes
-the tables of docs/benchmarks/goldens.md to build/benchmarks/goldens_bricks.md; `splats` does the same for splats.
+`python tests/golden/separation.py` draws several scenes of bricks and of splats with every defect and every harmless
+change, and writes the tables and lists of docs/benchmarks/goldens.md to build/benchmarks/goldens.md.
 
-Drivers that a machine has beside its own are named with the variables that make a program load them:
+Drivers of OpenGL that a machine has beside its own are named with the variables that make a program load them:
 
     --driver "another Mesa: LD_LIBRARY_PATH=... LIBGL_DRIVERS_PATH=... __EGL_VENDOR_LIBRARY_FILENAMES=..."
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +23,7 @@ sys.path[:0] = [str(ROOT), str(FOLDER), str(ROOT / "tests" / "support")]
 
 from defects import DEFECTS  # noqa: E402
 from harmless import BRICK_MACHINES, HARMLESS, SPLAT_MACHINES, Machine  # noqa: E402
-from measured import LIMITS, Measured, measured, on_machine  # noqa: E402
+from measured import Measured, measured, on_machine  # noqa: E402
 from subjects import BRICKS, SPLATS, Shot, Subject  # noqa: E402
 
 from renderer.accuracy import MOST_DB  # noqa: E402
@@ -33,25 +33,38 @@ from renderer.system import commit  # noqa: E402
 
 @dataclass(frozen=True)
 class Part:
-    """The pictures for the tables of one primitive."""
+    """The pictures of one primitive, and the limits that its columns of the tables are about.
+
+    finding: for defects. passing: for harmless changes.
+    """
 
     subjects: Sequence[Subject]
     machines: Sequence[Machine]
+    finding: Sequence[str]
+    passing: Sequence[str]
 
 
-PARTS = {"bricks": Part(BRICKS, BRICK_MACHINES), "splats": Part(SPLATS, SPLAT_MACHINES)}
+PARTS = {
+    "bricks": Part(BRICKS, BRICK_MACHINES, ("stated accuracy", "45 dB", "40 dB"), ("same bytes", "45 dB")),
+    "splats": Part(SPLATS, SPLAT_MACHINES, ("45 dB", "40 dB"), ("same bytes", "40 dB")),
+}
+# The measurements of each primitive.
+Found = Mapping[str, Sequence[Measured]]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("primitive", choices=PARTS)
     parser.add_argument("--driver", action="append", default=[], type=_driver, metavar="NAME: KEY=VALUE ...")
-    arguments = parser.parse_args()
-    rows, device = _measure(arguments.primitive, arguments.driver)
-    file = ROOT / "build" / "benchmarks" / f"goldens_{arguments.primitive}.md"
+    drivers: list[Machine] = parser.parse_args().driver
+    found = dict[str, Sequence[Measured]]()
+    with SplatRasterizer() as of_splats, BrickRasterizer() as of_bricks:
+        for primitive in PARTS:
+            own = drivers if primitive == "splats" else []
+            found[primitive] = _measure(primitive, own, of_splats, of_bricks)
+        by = f"`python tests/golden/separation.py`, commit {commit()}, {of_bricks.device}; {of_splats.device}"
+    file = ROOT / "build" / "benchmarks" / "goldens.md"
     file.parent.mkdir(parents=True, exist_ok=True)
-    by = f"`python tests/golden/separation.py {arguments.primitive}`, commit {commit()}, {device}"
-    file.write_text("\n".join([*_harmless(rows), "", *_defects(rows), "", *_missed(rows), "", by, ""]), "utf-8")
+    file.write_text("\n".join([by, "", *_defects(found), "", *_lists(found), "", *_harmless(found), ""]), "utf-8")
 
 
 def _driver(text: str) -> Machine:
@@ -60,17 +73,18 @@ def _driver(text: str) -> Machine:
     return Machine(name, "40 dB", {key: value for key, _, value in pairs})
 
 
-def _measure(primitive: str, drivers: Sequence[Machine]) -> tuple[list[Measured], str]:
-    """Measure all changes of all subjects; return them, and the name of the device."""
+def _measure(
+    primitive: str, drivers: Sequence[Machine], of_splats: SplatRasterizer, of_bricks: BrickRasterizer
+) -> list[Measured]:
+    """Measure all changes of all subjects of a primitive."""
     rows: list[Measured] = []
-    with SplatRasterizer() as of_splats, BrickRasterizer() as of_bricks:
-        shots = [Shot(subject, of_splats, of_bricks) for subject in PARTS[primitive].subjects]
-        for shot in shots:
-            found = (measured(shot, change) for change in (*HARMLESS, *DEFECTS))
-            rows += _printed(row for row in found if row is not None)
-        for machine in (*PARTS[primitive].machines, *drivers):
-            rows += _printed(on_machine(shots, machine, primitive)[1])
-        return rows, of_splats.device if primitive == "splats" else of_bricks.device
+    shots = [Shot(subject, of_splats, of_bricks) for subject in PARTS[primitive].subjects]
+    for shot in shots:
+        found = (measured(shot, change) for change in (*HARMLESS, *DEFECTS))
+        rows += _printed(row for row in found if row is not None)
+    for machine in (*PARTS[primitive].machines, *drivers):
+        rows += _printed(on_machine(shots, machine, primitive)[1])
+    return rows
 
 
 def _printed(rows: Iterable[Measured]) -> Iterator[Measured]:
@@ -82,39 +96,87 @@ def _printed(rows: Iterable[Measured]) -> Iterator[Measured]:
         yield row
 
 
-def _harmless(rows: Sequence[Measured]) -> Iterator[str]:
-    """Yield a table of harmless changes: their worst part, and how many pictures pass each limit."""
+def _defects(found: Found) -> Iterator[str]:
+    """Yield a table of the defects that 45 dB misses in some frame, with the PSNR of their worst parts, in dB.
+
+    The row of all has the other defects, too. Defects that cannot be seen are left out.
+    """
+    seen = _by_change(found, lambda row: row.is_defect and row.is_seen)
     lines = []
-    for change, group in _by_change(row for row in rows if not row.is_defect):
-        passing = [f"{sum(row.passes(limit) for row in group)} of {len(group)}" for limit in LIMITS]
-        lines.append([change, _decibels(min(row.figures.part_psnr for row in group)), *passing])
-    yield from _table(["passes at", "worst part", *(f"`{limit}`" for limit in LIMITS)], lines)
+    for change, groups in seen.items():
+        if not _is_found("45 dB", groups):
+            lines.append([change, *_cells(groups, _span, lambda part: part.finding, is_passing=False)])
+    every: Groups = {}
+    for groups in seen.values():
+        for primitive, rows in groups.items():
+            every.setdefault(primitive, []).extend(rows)
+    lines.append(["all", *_cells(every, lambda rows: "", lambda part: part.finding, is_passing=False)])
+    columns = ["bricks: worst part, dB", "found", "splats: worst part, dB", "found"]
+    yield from _table(["defect", *columns], lines)
 
 
-def _defects(rows: Sequence[Measured]) -> Iterator[str]:
-    """Yield a table of defects that can be seen: the PSNR of their worst parts, and how many each limit finds."""
-    lines = []
-    for change, group in _by_change(row for row in rows if row.is_defect and row.is_seen):
-        parts = sorted(row.figures.part_psnr for row in group)
-        found = [f"{sum(not row.passes(limit) for row in group)} of {len(group)}" for limit in LIMITS]
-        lines.append([change, f"{parts[0]:.0f} to {parts[-1]:.0f} dB", *found])
-    seen = [row for row in rows if row.is_defect and row.is_seen]
-    lines.append(["all", "", *(f"{sum(not row.passes(limit) for row in seen)} of {len(seen)}" for limit in LIMITS)])
-    yield from _table(["found at", "worst parts", *(f"`{limit}`" for limit in LIMITS)], lines)
+def _lists(found: Found) -> Iterator[str]:
+    """Yield the numbers of defects that are seen and that are not, and the defects that limits find in every frame."""
+    rows = [row for group in found.values() for row in group if row.is_defect]
+    num_seen, by_45 = sum(row.is_seen for row in rows), sum(not row.passes("45 dB") and not row.is_seen for row in rows)
+    yield f"- {num_seen} are seen, and {len(rows) - num_seen} are fainter; 45 dB finds {by_45 or 'none'} of these."
+    seen = _by_change(found, lambda row: row.is_defect and row.is_seen)
+    by_40 = [change for change, groups in seen.items() if _is_found("40 dB", groups) and _is_found("45 dB", groups)]
+    only_45 = [change for change, groups in seen.items() if _is_found("45 dB", groups) and change not in by_40]
+    yield f"- 45 dB, but not 40 dB, finds in every frame: {'; '.join(only_45)}."
+    yield f"- Both find in every frame: {'; '.join(by_40)}."
 
 
-def _missed(rows: Sequence[Measured]) -> Iterator[str]:
-    """Yield the number of faint defects, and how many of them each limit finds."""
-    faint = [row for row in rows if row.is_defect and not row.is_seen]
-    found = [f"{sum(not row.passes(limit) for row in faint)} at `{limit}`" for limit in LIMITS]
-    yield f"{len(faint)} defects move no pixel by two steps; found: {', '.join(found)}"
+def _harmless(found: Found) -> Iterator[str]:
+    """Yield a table of harmless changes: their worst part, and how many pictures pass limits."""
+    lines = [
+        [change, *_cells(groups, lambda rows: _decibels(_parts(rows)[0]), lambda part: part.passing, is_passing=True)]
+        for change, groups in _by_change(found, lambda row: not row.is_defect).items()
+    ]
+    columns = ["bricks: worst part", "passed", "splats: worst part", "passed"]
+    yield from _table(["change", *columns], lines)
 
 
-def _by_change(rows: Iterable[Measured]) -> list[tuple[str, list[Measured]]]:
-    groups: dict[str, list[Measured]] = {}
-    for row in rows:
-        groups.setdefault(row.change, []).append(row)
-    return list(groups.items())
+# The measurements of one change, by primitives.
+Groups = dict[str, list[Measured]]
+
+
+def _by_change(found: Found, is_wanted: Callable[[Measured], bool]) -> dict[str, Groups]:
+    """Return the wanted measurements by changes, in the order of changes."""
+    groups: dict[str, Groups] = {}
+    for primitive, rows in found.items():
+        for row in filter(is_wanted, rows):
+            groups.setdefault(row.change, {}).setdefault(primitive, []).append(row)
+    return groups
+
+
+def _is_found(limit: str, groups: Groups) -> bool:
+    """Return whether a limit finds a defect in every frame."""
+    return not any(row.passes(limit) for rows in groups.values() for row in rows)
+
+
+def _cells(
+    groups: Groups,
+    worst: Callable[[Sequence[Measured]], str],
+    limits: Callable[[Part], Sequence[str]],
+    *,
+    is_passing: bool,
+) -> Iterator[str]:
+    """Yield two cells for each primitive: the worst part, and for each limit how many frames pass it or do not."""
+    for primitive, part in PARTS.items():
+        rows = groups.get(primitive, [])
+        counts = (sum(row.passes(limit) == is_passing for row in rows) for limit in limits(part))
+        yield from (worst(rows), ", ".join(f"{count}/{len(rows)}" for count in counts)) if rows else ("", "")
+
+
+def _parts(rows: Sequence[Measured]) -> list[float]:
+    """Return the PSNR of the worst parts, the worst first."""
+    return sorted(row.figures.part_psnr for row in rows)
+
+
+def _span(rows: Sequence[Measured]) -> str:
+    parts = _parts(rows)
+    return f"{parts[0]:.0f} to {parts[-1]:.0f}"
 
 
 def _decibels(psnr: float) -> str:
