@@ -13,7 +13,7 @@ only if the scene asks for an accuracy.
 - `flicker.py`: how much errors change from frame to frame, by whole pictures; `shared_probes.py`: the same by probes.
 - `search.py`: the coarsest tolerances for a wanted accuracy; `tolerances.py`: the tolerances that are worth trying;
   `references.py`: the exact rays or pictures with which trial pictures are compared.
-- `encoding.py`: the error that the encoder of a film adds.
+- `encoding.py`: the loss of the encoder of a film; `file_errors.py`: the error that it adds to that of drawing.
 """
 
 import lazy_loader

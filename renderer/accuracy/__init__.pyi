@@ -6,6 +6,7 @@ from .decibels import (
     wanted_error as wanted_error,
 )
 from .encoding import (
+    EncodingErrors as EncodingErrors,
     asked_psnr as asked_psnr,
     encoding_loss as encoding_loss,
     finer_drawing as finer_drawing,
@@ -15,10 +16,12 @@ from .encoding import (
     typical_psnr as typical_psnr,
 )
 from .estimate import (
+    DEVIATIONS as DEVIATIONS,
     ErrorSamples as ErrorSamples,
     error_samples as error_samples,
     pool_samples as pool_samples,
 )
+from .file_errors import measure_encoding as measure_encoding
 from .flicker import (
     LEVELS as LEVELS,
     Flicker as Flicker,

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from renderer.accuracy.decibels import psnr, wanted_error
 from renderer.scene import MAX_QUALITY, ErrorSpec, MetricTarget, OutputFile, min_tolerance
 
 if TYPE_CHECKING:
+    from renderer.accuracy.estimate import ErrorSamples
     from renderer.film import Pixels
 
 # The quality of an output, from 0 to 10, at which a codec has the typical PSNR `kept_psnr` of the table of codecs.
@@ -43,6 +44,23 @@ _QUALITY_STEP = 2.0
 # The constant rate factor of an output is lowered by this much for a finer encoding: it gains about as much as
 # _QUALITY_STEP.
 _CRF_STEP = 6.0
+
+
+class EncodingErrors(NamedTuple):
+    """The errors that encoding adds to frames of a film, outside their annotation.
+
+    loss: the mean squared difference of the decoded frames from the drawn ones, of colours in [0, 1].
+    products: samples of twice the product of this difference and the error of drawing; None if no rays measured them.
+    """
+
+    loss: float
+    products: ErrorSamples | None = None
+
+    def at_loss(self, loss: float) -> EncodingErrors:
+        """Return the errors of an encoding that changes pictures alike, with another loss."""
+        if self.products is None or self.loss == 0:
+            return EncodingErrors(loss, self.products)
+        return EncodingErrors(loss, self.products.times(math.sqrt(loss / self.loss)))
 
 
 def encoding_loss(output: OutputFile, num_frames: int, first_frames: Sequence[Pixels]) -> float:

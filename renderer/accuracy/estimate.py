@@ -56,6 +56,10 @@ class ErrorSamples:
         low = self.mean - DEVIATIONS * self.deviation
         return max(low, 0.0), missed.mean + DEVIATIONS * missed.deviation
 
+    def times(self, factor: float) -> ErrorSamples:
+        """Return the summary of the samples multiplied by a factor of 0 or more."""
+        return ErrorSamples(self.num, factor * self.mean, factor**2 * self.variance, factor * self.largest)
+
     def with_missed(self, largest: float) -> ErrorSamples:
         """Return the summary with the additional sample, for an error that was missed; `num` stays the same.
 

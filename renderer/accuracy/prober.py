@@ -67,12 +67,17 @@ class ExactPixels:
 
         covered: bool [h, w], pixels over which an annotation is drawn: the error is that of all other pixels.
         """
-        pixels = image.reshape(-1, image.shape[2])[self.chosen.numbers]
-        colors = over_black(pixels, is_linear=self.is_linear)[:, :3]
-        if covered is None:
-            return self._compare(colors)
-        is_open = ~covered.reshape(-1)[self.chosen.numbers]
-        return self._compare(colors, is_open / max(1 - covered.mean(), 1 / covered.size))
+        return self._compare(self._colors(image), self._weights(covered))
+
+    def error_products(self, image: Pixels, changed: Pixels, covered: Bools | None = None) -> ErrorSamples:
+        """Return samples of twice the product of a picture's error and of the difference of a changed picture from it.
+
+        The squared error of the changed picture is that of the picture, the squared difference, and this product.
+        covered: as in `compare_image`.
+        """
+        drawn = self._colors(image)
+        products = 2 * (self._colors(changed) - drawn) * (drawn - self.means.colors)
+        return error_samples(self.chosen.factors * self._weights(covered) * products.mean(axis=1))
 
     def compare_radiance(self, radiance: Float32) -> Probe:
         """Measure the error of a picture before it is rounded. radiance: [h, w, 4], premultiplied RGBA."""
@@ -82,6 +87,18 @@ class ExactPixels:
     def compare_picture(self, picture: npt.NDArray[np.floating]) -> Probe:
         """Measure the error of a picture. picture: [h, w, 3], in [0, 1], already over its background."""
         return self._compare(picture.reshape(-1, 3)[self.chosen.numbers])
+
+    def _colors(self, image: Pixels) -> Float64:
+        pixels = image.reshape(-1, image.shape[2])[self.chosen.numbers]
+        return over_black(pixels, is_linear=self.is_linear)[:, :3]
+
+    def _weights(self, covered: Bools | None) -> Float64 | float:
+        """Return weights by which means over the chosen pixels are those of all pixels that are not covered."""
+        if covered is None:
+            return 1.0
+        is_open = ~covered.reshape(-1)[self.chosen.numbers]
+        weights: Float64 = is_open / max(1 - covered.mean(), 1 / covered.size)
+        return weights
 
     def _compare(self, colors: npt.NDArray[np.floating], weights: Float64 | float = 1.0) -> Probe:
         errors = (colors - self.means.colors) ** 2 - self.means.variances
@@ -138,9 +155,12 @@ class FrameProber:
 
     def probe(self, number: int, image: Pixels, covered: Bools | None = None) -> Probe:
         """Measure the error of a frame's picture; parameters as in `exact_pixels` and `compare_image`."""
-        seen = image if covered is None else np.where(covered[..., None], image.dtype.type(0), image)
-        probe = self.exact_pixels(number, seen).compare_image(image, covered)  # chosen without the annotation's edges
+        probe = self.exact_pixels(number, _without(image, covered)).compare_image(image, covered)
         return replace(probe, shared=self._shared_errors(number, image, covered))
+
+    def error_products(self, number: int, image: Pixels, changed: Pixels, covered: Bools | None) -> ErrorSamples:
+        """Return samples as `ExactPixels.error_products` does, at pixels that are chosen by the frame's picture."""
+        return self.exact_pixels(number, _without(image, covered)).error_products(image, changed, covered)
 
     def _shared_errors(self, number: int, image: Pixels, covered: Bools | None) -> SharedErrors | None:
         """Return the errors of a frame's picture at the probes that it shares with a neighbouring frame; None without.
@@ -163,6 +183,11 @@ class FrameProber:
         if covered is not None:
             errors = np.where(covered.reshape(-1)[pixels], np.nan, errors)
         return SharedErrors(first, tuple(errors.tolist()))
+
+
+def _without(image: Pixels, covered: Bools | None) -> Pixels:
+    """Return a picture without its annotation, by whose edges no pixels are to be chosen."""
+    return image if covered is None else np.where(covered[..., None], image.dtype.type(0), image)
 
 
 def open_prober(film: FilmStage, num_threads: int) -> FrameProber | None:

@@ -14,9 +14,9 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from renderer.accuracy import NOTHING, Glance, look_ahead
+from renderer.accuracy import NOTHING, EncodingErrors, Glance, look_ahead
 from renderer.errors import RenderError
-from renderer.film import film_notes, require_encoder
+from renderer.film import Pixels, film_notes, require_encoder
 from renderer.frame import (
     FilmStage,
     FilmVolumes,
@@ -298,7 +298,15 @@ class FilmInProgress:
         )
         is_lasting = record.schedule.reproducible or isinstance(requested.goal, TimeBudget)
         fingerprint = self.fingerprint if is_lasting and not plan.is_unfinished else None
-        record = self.output.write_record(record, fingerprint)
+        psnrs = {frame.frame: None if frame.accuracy is None else frame.accuracy.psnr for frame in frames}
+
+        def measure(first: Sequence[Pixels]) -> EncodingErrors:
+            # The import is here because the ray integral takes a while to load.
+            from renderer.accuracy import measure_encoding
+
+            return measure_encoding(self.stage, self.output.spec, psnrs, first, num_cores())
+
+        record = self.output.write_record(record, fingerprint, measure)
         for note in limit_notes(scene, record):
             self.events.note(note)
         summary = ", ".join(summary_parts(scene, record, num_resumed))

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-from renderer.accuracy import MOST_DB, encoding_loss, psnr
+from renderer.accuracy import MOST_DB, EncodingErrors, encoding_loss, psnr
 from renderer.errors import RenderError
 from renderer.film import (
     Picture,
+    Pixels,
     WriteFrame,
     file_digest,
     locked_output,
@@ -34,7 +35,7 @@ from renderer.record import (
     OutputRecord,
     naming_mark,
     require_own_files,
-    with_encoding_loss,
+    with_encoding_errors,
 )
 from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
 from renderer.system import overlap
@@ -44,6 +45,10 @@ from renderer.system import overlap
 _MAX_COMPARED = 8
 # At most this many bytes of drawn pictures are kept for each file, to compare them with the decoded frames of a film.
 _MAX_COMPARED_BYTES = 2**26
+
+# A function that measures the errors which encoding adds to the first frames of the first output, from the drawn
+# pictures of these frames.
+MeasureEncoding = Callable[[Sequence[Pixels]], EncodingErrors]
 
 
 @dataclass(frozen=True)
@@ -137,20 +142,27 @@ class OutputWriter:
             if len(first) < min(_MAX_COMPARED, max(1, _MAX_COMPARED_BYTES // num_bytes)):
                 first.append(pictures[kinds.index(each.kind)])
 
-    def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
+    def write_record(
+        self, record: FilmRecord, fingerprint: FilmFingerprint | None, measure: MeasureEncoding | None = None
+    ) -> FilmRecord:
         """Write the sidecar of a film. Return its record, in which paths are relative to the sidecar.
 
         fingerprint: the fingerprint of the film, by which the next job sees that the film is up to date; None for a
         film that the next job makes again. With a fingerprint, the record gets the digest of each encoded film file.
         The records of numbered image files have digests in any case.
+        measure: the function that measures the encoding of the first output; None without exact rays.
         """
         films, accuracy = [each for each in self.shown if not each.is_frames], record.accuracy
         digests = {} if fingerprint is None else {each.file: _digest(each.file) for each in films}
-        losses = {} if accuracy is None else {each.file: self._loss(each) for each in films}
-        if accuracy is not None and self.spec.file in losses:
-            pictures, loss = self.first_pictures[self.spec.file], losses[self.spec.file]
-            finer = try_finer_encoding(self.spec, pictures, len(self.frames), loss, accuracy)
-            accuracy = with_encoding_loss(accuracy, loss, len(pictures), finer)
+        losses = (
+            {} if accuracy is None else {each.file: self._loss(each) for each in films if each.file != self.spec.file}
+        )
+        if accuracy is not None and not self.spec.is_frames:
+            pictures = self.first_pictures[self.spec.file]
+            first = [picture.pixels for picture in pictures]
+            errors = EncodingErrors(self._loss(self.spec)) if measure is None else measure(first)
+            finer = try_finer_encoding(self.spec, pictures, len(self.frames), errors, accuracy)
+            accuracy = with_encoding_errors(accuracy, errors, len(pictures), finer)
         outputs = tuple(
             OutputRecord(
                 str(each.file),

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from renderer.accuracy import encoding_loss, finer_encoding, squared_error
+from renderer.accuracy import EncodingErrors, encoding_loss, finer_encoding, squared_error
 from renderer.errors import HsplatError
 from renderer.film import Picture, open_films
 from renderer.record import FilmAccuracy, FinerFile, finer_file
@@ -32,15 +32,16 @@ def film_bytes(film: OutputFile) -> int:
 
 
 def try_finer_encoding(
-    output: OutputFile, pictures: Sequence[Picture], num_frames: int, loss: float, accuracy: FilmAccuracy
+    output: OutputFile, pictures: Sequence[Picture], num_frames: int, errors: EncodingErrors, accuracy: FilmAccuracy
 ) -> FinerFile | None:
     """Return the record of an encoding that loses less than that of the film.
 
     None if drawing loses more than the encoder, or if no setting of the encoder loses less.
 
     pictures: the first pictures of the film, which are encoded in both ways. num_frames: the number of frames of the
-    film, which is there. loss: the mean squared error that the film's encoding adds to the pictures.
+    film, which is there. errors: the errors that the film's encoding adds to the pictures.
     """
+    loss = errors.loss
     if loss <= squared_error(accuracy.psnr):
         return None
     frames = [picture.pixels for picture in pictures]
@@ -57,5 +58,5 @@ def try_finer_encoding(
                 num_bytes = film_bytes(film)
         with trial_film(finer, pictures) as film:
             finer_loss = encoding_loss(film, len(frames), frames)
-            return finer_file(accuracy, keys, (loss, finer_loss), film_bytes(film) / num_bytes)
+            return finer_file(accuracy, keys, (errors, errors.at_loss(finer_loss)), film_bytes(film) / num_bytes)
     return None

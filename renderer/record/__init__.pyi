@@ -5,7 +5,7 @@ from .accuracy_records import (
     finer_file as finer_file,
     flicker_text as flicker_text,
     frame_accuracy as frame_accuracy,
-    with_encoding_loss as with_encoding_loss,
+    with_encoding_errors as with_encoding_errors,
 )
 from .citation import bibtex as bibtex, methods_text as methods_text
 from .file_limits import limit_notes as limit_notes

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from renderer.accuracy import (
+    DEVIATIONS,
     LEVELS,
     MOST_DB,
+    EncodingErrors,
     ErrorSamples,
     SharedErrors,
     error_products,
@@ -106,57 +109,72 @@ def flicker_text(accuracy: FilmAccuracy) -> str | None:
     return f"{of} flicker {accuracy.flicker.rms:.1f} of 255 levels ({low:.1f} to {high:.1f})"
 
 
-def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int, finer: FinerFile | None) -> FilmAccuracy:
+def with_encoding_errors(
+    accuracy: FilmAccuracy, errors: EncodingErrors, num_frames: int, finer: FinerFile | None
+) -> FilmAccuracy:
     """Return the record of a film's accuracy, with the accuracy of its encoded file.
 
-    loss: the mean squared error between the drawn and the decoded frames, of colours in [0, 1].
-    num_frames: the number of frames compared. finer: another encoding that keeps more, or None.
+    num_frames: the number of frames that were decoded. finer: another encoding that keeps more, or None.
     """
-    kept = min(psnr(loss), MOST_DB)
-    return replace(accuracy, file=FileAccuracy(_file_psnr(accuracy, loss), kept, num_frames, finer))
+    kept, interval = min(psnr(errors.loss), MOST_DB), None
+    error = _file_error(accuracy, errors)
+    if errors.products is not None:
+        low, high = (squared_error(end) - squared_error(accuracy.psnr) for end in reversed(accuracy.interval))
+        of_products = DEVIATIONS * errors.products.deviation
+        least, most = error - math.hypot(low, of_products), error + math.hypot(high, of_products)
+        interval = min(psnr(most), MOST_DB), min(psnr(max(least, 0.0)), MOST_DB)
+    file = FileAccuracy(min(psnr(error), MOST_DB), kept, num_frames, finer, interval)
+    return replace(accuracy, file=file)
 
 
 def finer_file(
-    accuracy: FilmAccuracy, keys: Mapping[str, Any], losses: tuple[float, float], bytes_ratio: float
+    accuracy: FilmAccuracy, keys: Mapping[str, Any], errors: tuple[EncodingErrors, EncodingErrors], bytes_ratio: float
 ) -> FinerFile | None:
     """Return the record of an encoding with other keys of the output; None if it gains little.
 
-    losses: the mean squared errors that the film's encoding and the other one add.
+    errors: the errors that the film's encoding and the other one add.
     bytes_ratio: the bytes of the other file, divided by those of the film.
     """
-    loss, finer_loss = losses
-    gained = _file_psnr(accuracy, finer_loss)
-    if gained < _file_psnr(accuracy, loss) + _LEAST_GAIN_DB:
+    psnr_of_film, gained = (min(psnr(_file_error(accuracy, each)), MOST_DB) for each in errors)
+    if gained < psnr_of_film + _LEAST_GAIN_DB:
         return None
     return FinerFile(keys, round_decibels(gained), round_ratio(bytes_ratio))
 
 
-def _file_psnr(accuracy: FilmAccuracy, loss: float) -> float:
-    """Return the PSNR of a file: the loss of its encoder is added to the error of drawing, as they are independent."""
-    return min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
+def _file_error(accuracy: FilmAccuracy, errors: EncodingErrors) -> float:
+    """Return the mean squared error of a file, by the error of drawing and those that encoding adds.
+
+    No products of these errors can bring it out of the bounds by Cauchy and Schwarz. Without products the errors count
+    as independent.
+    """
+    of_drawing, product = squared_error(accuracy.psnr), errors.products.mean if errors.products else 0.0
+    most = 2 * math.sqrt(of_drawing * errors.loss)
+    return of_drawing + errors.loss + min(max(product, -most), most)
 
 
 def accuracy_text(accuracy: FilmAccuracy) -> str:
     """Return `file PSNR 40.7 dB (40.6 to 40.8), frames PSNR 58.8 dB (58.6 to 59.0) before encoding`."""
     if accuracy.file is None:
         return file_accuracy_text(accuracy)
-    of_file = file_accuracy_text(accuracy, accuracy.file.psnr_of_encoding)
-    return f"{of_file}, frames PSNR {_decibels_text(accuracy)} before encoding"
+    file, of_frames = accuracy.file, f"frames PSNR {_decibels_text(accuracy.psnr, accuracy.interval)} before encoding"
+    of_file = f"about {file.psnr:.1f} dB" if file.interval is None else _decibels_text(file.psnr, file.interval)
+    return f"file PSNR {of_file}, {of_frames}"
 
 
 def file_accuracy_text(accuracy: FilmAccuracy, psnr_of_encoding: float | None = None) -> str:
-    """Return `file PSNR 40.7 dB (40.6 to 40.8)`.
+    """Return `file PSNR 40.7 dB (40.6 to 40.8)`, or `file PSNR about 40.7 dB` of a file that no rays measured.
 
     psnr_of_encoding: the PSNR of the decoded frames against the drawn ones; None for a file without loss.
     """
-    loss = 0.0 if psnr_of_encoding is None else squared_error(psnr_of_encoding)
-    return f"file PSNR {_decibels_text(accuracy, loss)}"
+    if psnr_of_encoding is None:
+        return f"file PSNR {_decibels_text(accuracy.psnr, accuracy.interval)}"
+    error = _file_error(accuracy, EncodingErrors(squared_error(psnr_of_encoding)))
+    return f"file PSNR about {min(psnr(error), MOST_DB):.1f} dB"
 
 
-def _decibels_text(accuracy: FilmAccuracy, loss: float = 0.0) -> str:
-    """Return the PSNR with its interval, as text. loss: the mean squared error of encoding, which is added."""
-    errors = [squared_error(each) + loss for each in (accuracy.psnr, *accuracy.interval)]
-    value, low, high = (min(psnr(each), MOST_DB) for each in errors)
+def _decibels_text(value: float, interval: Range) -> str:
+    """Return a PSNR with its interval, as text."""
+    low, high = interval
     if value >= MOST_DB:
         return f"at least {low:.1f} dB"
     return f"{value:.1f} dB ({low:.1f} {'or more' if high >= MOST_DB else f'to {high:.1f}'})"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from small_scene import small_tree
 
-from renderer.accuracy import encoding_loss, finer_encoding, psnr, squared_error
+from renderer.accuracy import EncodingErrors, encoding_loss, finer_encoding, psnr, squared_error
 from renderer.film import Picture, Pixels, open_films
 from renderer.job import try_finer_encoding
 from renderer.record import (
@@ -21,7 +21,7 @@ from renderer.record import (
     WorstFrame,
     limit_notes,
     parse_film_record,
-    with_encoding_loss,
+    with_encoding_errors,
 )
 from renderer.scene import OutputFile, parse_scene
 
@@ -60,7 +60,7 @@ def notes(
     """Return what is said of a film whose frames and whose encoder have these PSNR."""
     record = parse_film_record(RECORD.read_bytes(), RECORD)
     assert isinstance(record, FilmRecord)
-    made = with_encoding_loss(accuracy(drawn), squared_error(kept), 4, finer)
+    made = with_encoding_errors(accuracy(drawn), EncodingErrors(squared_error(kept)), 4, finer)
     record = replace(record, accuracy=made, schedule=replace(record.schedule, tolerance=tolerance))
     return [*limit_notes(parse_scene(small_tree(**scene), base=Path()), record)]
 
@@ -138,9 +138,9 @@ def test_chroma_is_to_blame_for_its_share_of_the_loss_alone() -> None:
 def test_full_chroma_is_measured_on_the_same_pictures(tmp_path: Path) -> None:
     drawn = accuracy(50.0)
     output, pictures, loss = film(tmp_path)
-    finer = try_finer_encoding(output, pictures, len(pictures), loss, drawn)
+    finer = try_finer_encoding(output, pictures, len(pictures), EncodingErrors(loss), drawn)
     # Of a longer film, the first pictures are encoded again, to compare the bytes.
-    assert finer == try_finer_encoding(output, pictures, len(pictures) + 1, loss, drawn)
+    assert finer == try_finer_encoding(output, pictures, len(pictures) + 1, EncodingErrors(loss), drawn)
     _, _, full = film(tmp_path, pixel_format="yuv444p")
     assert finer is not None and finer.keys == {"pixel_format": "yuv444p"}
     assert finer.psnr == pytest.approx(psnr(full + squared_error(50.0)), abs=0.01)
@@ -151,17 +151,19 @@ def test_full_chroma_is_measured_on_the_same_pictures(tmp_path: Path) -> None:
 
 def test_no_trial_where_drawing_limits_or_nothing_gains(tmp_path: Path) -> None:
     output, pictures, loss = film(tmp_path)
-    assert try_finer_encoding(output, pictures, len(pictures), loss, accuracy(psnr(loss) - 0.1)) is None
+    assert try_finer_encoding(output, pictures, len(pictures), EncodingErrors(loss), accuracy(psnr(loss) - 0.1)) is None
     finest = replace(output, quality=10.0, pixel_format="yuv444p")
-    assert try_finer_encoding(finest, pictures, len(pictures), loss, accuracy(50.0)) is None
+    assert try_finer_encoding(finest, pictures, len(pictures), EncodingErrors(loss), accuracy(50.0)) is None
     # Of an encoder that loses less than a decibel, the trial gains less, too.
     drawn = accuracy(psnr(loss) + 0.1)
     _, _, full = film(tmp_path, pixel_format="yuv444p")
     gained = psnr(full + squared_error(drawn.psnr)) - psnr(2 * loss)
-    assert (try_finer_encoding(output, pictures, len(pictures), loss, drawn) is not None) == (gained > 1)
+    assert (try_finer_encoding(output, pictures, len(pictures), EncodingErrors(loss), drawn) is not None) == (
+        gained > 1
+    )
 
 
 def test_a_trial_that_fails_costs_no_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     output, pictures, loss = film(tmp_path)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
-    assert try_finer_encoding(output, pictures, len(pictures), loss, accuracy(50.0)) is None
+    assert try_finer_encoding(output, pictures, len(pictures), EncodingErrors(loss), accuracy(50.0)) is None

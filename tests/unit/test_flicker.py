@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from renderer.accuracy import (
+    EncodingErrors,
     Flicker,
     PictureErrors,
     SharedErrors,
@@ -19,7 +20,7 @@ from renderer.accuracy import (
     shared_pixels,
     with_a_neighbour,
 )
-from renderer.record import FrameAccuracy, FrameRecord, SharedProbes, film_accuracy, flicker_text, with_encoding_loss
+from renderer.record import FrameAccuracy, FrameRecord, SharedProbes, film_accuracy, flicker_text, with_encoding_errors
 from renderer.volume import Array
 
 SHAPE = (20, 30, 3)
@@ -193,7 +194,7 @@ def test_a_film_has_the_flicker_of_the_pairs_that_are_whole() -> None:
     assert accuracy.flicker.rms == pytest.approx(20.0)
     assert accuracy.flicker.interval[0] < 20.0 <= accuracy.flicker.interval[1] < 25.0
     assert str(flicker_text(accuracy)).startswith("file flicker 20.0 of 255 levels (")
-    encoded = with_encoding_loss(accuracy, 1e-5, 4, None)
+    encoded = with_encoding_errors(accuracy, EncodingErrors(1e-5), 4, None)
     assert str(flicker_text(encoded)).startswith("frames flicker 20.0 of 255 levels (")
     whole = film_accuracy([*alternating[:4], recorded(5, 4, (10.0,) * 90), *alternating[4:]])
     assert whole is not None and whole.flicker is not None and whole.flicker.pairs == 2
