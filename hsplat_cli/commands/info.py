@@ -100,6 +100,7 @@ class _VolumeFacts:
     world_axes: str
     value_unit: str
     world_size: list[float]
+    world_box: list[list[float]]
     origin: list[float]
     direction: str
     direction_matrix: list[list[float]]
@@ -245,6 +246,7 @@ def _facts(
         world_axes=volume.world_axes,
         value_unit=volume.value_unit,
         world_size=(spacing * volume.shape_xyz).tolist(),
+        world_box=[corner.tolist() for corner in volume.world_box],
         origin=volume.world_from_index[:3, 3].tolist(),
         direction=describe_direction(axes),
         direction_matrix=(axes / spacing).tolist(),
@@ -326,6 +328,7 @@ def _fact_lines(facts: _VolumeFacts, marks: str, component: int | str | None) ->
     place = ", decoded into a file on disk" if facts.decoded_on_disk else " in memory"
     place = ", which stay in the file" if facts.stays_in_file else place
     is_one_of_several = len(facts.channels) > 1 and component is not None and not facts.label_table
+    box = ", ".join(f"{name} {_numbers(ends, ' to ')}" for name, *ends in zip("xyz", *facts.world_box, strict=True))
     matrix = [] if facts.direction.startswith("axis-aligned") else facts.direction_matrix
     return [
         facts.name,
@@ -333,6 +336,7 @@ def _fact_lines(facts: _VolumeFacts, marks: str, component: int | str | None) ->
         f"  type         {facts.dtype}, {_memory_text(facts.bytes)}{place}",
         f"  spacing      {_numbers(facts.spacing, ' x ')}{length}{replaced}",
         f"  world size   {_numbers(facts.world_size, ' x ')}{length}",
+        f"  world box    {box}{length}",
         f"  origin       {_numbers(facts.origin)} (centre of the first voxel)",
         f"  direction    {facts.direction}",
         *(f"               [{'  '.join(f'{value:8.5f}' for value in row)}]" for row in matrix),

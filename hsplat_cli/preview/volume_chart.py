@@ -21,6 +21,8 @@ from renderer.volume import Array, Float64, Int64, UInt8, Volume
 _COLUMNS = 160
 # Largest number of voxels along each axis whose logarithms a histogram counts.
 _MOST_COUNTED = 128
+# An index axis lies along an axis of the world if the cosine of the angle between them is at least this.
+_ALONG = 1 - 1e-6
 # Longer side of a slice, in pixels.
 _SLICE_PX = 256
 
@@ -126,16 +128,40 @@ def _slices(layer: Layer, statistics: Statistics) -> list[Shot]:
     """Return slices through the middle of the visible part, across x, y and z, each with the later axis upwards."""
     volume, shots = layer.volume, []
     middle = np.array([*visible_centre(visible_points(layer.pyramid)), 1.0])
-    index = np.clip(np.round(np.linalg.solve(volume.world_from_index, middle)[:3]), 0, np.array(volume.shape_xyz) - 1)
+    nearest = np.round(np.linalg.solve(volume.world_from_index, middle)[:3])
+    index = np.asarray(np.clip(nearest, 0, np.array(volume.shape_xyz) - 1), np.float64)
     for axis, (right, up) in enumerate(((1, 2), (0, 2), (0, 1))):
         at = int(index[axis])
         picture = _colored(layer, statistics, np.take(volume.values, at, 2 - axis)[::-1])
         lengths = np.array(picture.shape[1::-1]) * volume.spacing[[right, up]]
         size = tuple(np.maximum(1, np.round(_SLICE_PX * lengths / lengths.max()).astype(int)).tolist())
         pixels = np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.BILINEAR))
-        shots.append(Shot(f"{'xyz'[axis]} = {at}", pixels, f"{'xyz'[right]} to the right, {'xyz'[up]} upwards"))
+        where, seen = _slice_texts(volume, index, axis, right, up)
+        shots.append(Shot(where, pixels, seen))
     volume.require_unchanged()
     return shots
+
+
+def _slice_texts(volume: Volume, index: Float64, axis: int, right: int, up: int) -> tuple[str, str]:
+    """Return where a slice across an index axis lies, and what its sides show, with positions in the world.
+
+    index: the indices x, y, z of a voxel in the slice. right, up: the index axes along the sides of the slice.
+    """
+    slopes = np.abs(volume.world_from_index[:3, :3]) / volume.spacing
+    place, voxel = volume.world_from_index[:3] @ [*index, 1.0], f"voxel {'xyz'[axis]} = {index[axis]:.0f}"
+    if slopes.max(axis=0).min() < _ALONG:
+        through = format_value([float(f"{at:.6g}") for at in place])
+        return f"{voxel}, through {through} in the world", f"{'xyz'[right]} to the right, {'xyz'[up]} upwards"
+    world_axes = slopes.argmax(axis=0).tolist()
+
+    def ends_text(side: int) -> str:
+        along, ends = world_axes[side], (-0.5, volume.shape_xyz[side] - 0.5)
+        low, high = (place[along] + (end - index[side]) * volume.world_from_index[along, side] for end in ends)
+        return f"world {'xyz'[along]} {low:.6g} to {high:.6g}"
+
+    along = world_axes[axis]
+    where = f"{voxel}, world {'xyz'[along]} = {place[along]:.6g} {volume.length_unit}".strip()
+    return where, f"{ends_text(right)} to the right, {ends_text(up)} upwards"
 
 
 def _colored(layer: Layer, statistics: Statistics, values: Array) -> UInt8:

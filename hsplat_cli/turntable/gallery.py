@@ -51,7 +51,7 @@ class Gallery:
             self._next_s = time.perf_counter() + (time.perf_counter() - start) / _SHARE
 
     def finish(self) -> None:
-        """Write the page with all posters, and contact.png."""
+        """Write the page with all posters, and contact.png, and name the page."""
         self._write(None)
 
     def _write(self, max_posters: int | None) -> None:
@@ -74,6 +74,8 @@ class Gallery:
             posters = [(poster_file(folder, name), name) for name in names]
             if max_posters is None and posters:
                 write_staged(folder / CONTACT_FILE, contact_sheet(posters), is_durable=False)
+            if max_posters is None:
+                self._reporter.line(f"page of all films: {folder / PAGE_FILE}")
         except HsplatError as error:
             self._reporter.warning(join_lines(["the gallery is not written", *str(error).splitlines()]))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.errors import Problem
 from renderer.scene import FilmScene, LayerSpec, OverFrames, format_value, volume_extent, volume_problems
-from renderer.volume import Float64, Volume, move_volume
+from renderer.volume import Volume, move_volume
 
 Matrix = tuple[tuple[float, ...], ...]
 
@@ -25,7 +25,7 @@ _MAX_MIXED_DIAGONAL = 1e5
 
 def reach_text(volume: Volume) -> str:
     """Return the extent of a volume in the world, in words."""
-    low, high = (format_value([float(f"{at:.6g}") for at in corner]) for corner in _world_box(volume))
+    low, high = (format_value([float(f"{at:.6g}") for at in corner]) for corner in volume.world_box)
     return f"from {low} to {high}"
 
 
@@ -100,14 +100,8 @@ def _size_problems(volumes: Sequence[Volume]) -> Iterator[Problem]:
 
 def placement_notes(layers: Sequence[LayerSpec], volumes: Sequence[Volume]) -> Iterator[str]:
     """Yield a sentence for each volume that overlaps no other volume; a single volume has no sentence."""
-    lows, highs = np.array([_world_box(volume) for volume in volumes]).swapaxes(0, 1)
+    lows, highs = np.array([volume.world_box for volume in volumes]).swapaxes(0, 1)
     overlaps = ((lows[:, None] < highs) & (lows < highs[:, None])).all(axis=2)
     for layer, volume, num in zip(layers, volumes, overlaps.sum(axis=1).tolist(), strict=True):
         if num == 1 < len(volumes):  # each volume overlaps itself, so 1 means no other
             yield f"{layer.name or volume.name} overlaps no other volume: it reaches {reach_text(volume)}"
-
-
-def _world_box(volume: Volume) -> tuple[Float64, Float64]:
-    """Return the lowest and the highest corner of the box around a volume, along the axes of the world."""
-    reach = np.abs(volume.world_from_index[:3, :3]) @ volume.shape_xyz / 2
-    return volume.centre - reach, volume.centre + reach

@@ -225,13 +225,14 @@ def times_in(fields: Sequence[Dataset]) -> dict[str, float]:
     return {keyword: found[0] for keyword, found in times.items() if found}
 
 
-def value_unit_in(fields: Sequence[Dataset], unit: str) -> str:
+def value_unit_in(fields: Sequence[Dataset], unit: str, *, may_be_air: bool) -> str:
     """Return the unit of the rescaled values of a frame; an empty text if it has none.
 
-    unit: the unit that the scale states, or an empty text. Rescaled values of CT without a unit are in HU.
+    unit: the unit that the scale states, or an empty text. may_be_air: whether the scale has a value for air. With it,
+    rescaled values of CT without a unit are in HU; without it, they were scaled for display.
     """
     given = [unit, *(text_of(fields, keyword).strip() for keyword in ("RescaleType", "Units", "DoseUnits"))]
-    if not any(given) and text_of(fields, "Modality") == "CT" and text_of(fields, "RescaleIntercept"):
+    if may_be_air and not any(given) and text_of(fields, "Modality") == "CT" and text_of(fields, "RescaleIntercept"):
         given = ["HU"]
     return next((text for text in given if text.upper() not in _NO_UNITS), "")
 

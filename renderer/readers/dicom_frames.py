@@ -36,7 +36,7 @@ from renderer.readers.dicom_kinds import require_image, run_of, times_of_run
 from renderer.readers.dicom_orientation import axes_of
 from renderer.readers.dicom_pixels import has_palette, palette_dtype
 from renderer.readers.dicom_statements import stated_in
-from renderer.readers.dicom_values import Scale, scale_of
+from renderer.readers.dicom_values import Scale, has_value_of_air, scale_of
 from renderer.readers.units import Units, units_of
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
@@ -258,7 +258,8 @@ def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> 
     scale = replace(scale, dtype=palette_dtype(dataset)) if file.is_palette else scale
     times = {"FrameTime": file.run_times[number]} if file.run_times else times_in(fields)
     length_unit, world_axes = "mm" * lengths.are_stated, "LPS" * axes.are_of_patient
-    units = units_of(length_unit, world_axes, value_unit_in(fields, scale.unit))
+    value_unit = value_unit_in(fields, scale.unit, may_be_air=has_value_of_air(dataset, scale))
+    units = units_of(length_unit, world_axes, value_unit)
     keys = {keyword: numbers[0] for keyword in PLACE_KEYS if (numbers := numbers_of(fields, keyword))}
     has_stated = any(len(numbers_of(fields, keyword)) == 3 for keyword in _POSITIONS)
     photometric = text_of([dataset], "PhotometricInterpretation")

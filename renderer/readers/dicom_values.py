@@ -23,6 +23,8 @@ _MAPPING = "RealWorldValueMappingSequence"
 _UNIT = "MeasurementUnitsCodeSequence"
 # The names of units whose codes in UCUM, the code system that DICOM uses, differ from the names.
 _UNITS = {"[hnsf'U]": "HU", "1": ""}
+# The Hounsfield units of air are at most this number.
+_AIR = -700.0
 # The largest relative difference between two slopes, or two intercepts, that count as equal.
 _SAME = 1e-6
 
@@ -140,6 +142,16 @@ def as_stored(dataset: Dataset, number: float) -> float:
     return (number + 2**15) % 2**16 - 2**15 if dataset.get("PixelRepresentation") else number % 2**16
 
 
+def has_value_of_air(dataset: Dataset, scale: Scale) -> bool:
+    """Return whether a slope and an intercept give some stored value the Hounsfield units of air.
+
+    Those of grey values that were made for display, such as 0 to 255, do not. A file without BitsStored stores floats.
+    """
+    if "BitsStored" not in dataset or scale.table is not None:
+        return scale.table is None
+    return min(end * scale.slope + scale.intercept for end in _stored_ends(dataset)) <= _AIR
+
+
 def _padding(dataset: Dataset) -> tuple[float, float] | None:
     """Return the first and last of the stored grey values that stand for no data; None if there are none.
 
@@ -160,17 +172,26 @@ def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtyp
 
     The integers are the smallest that suffice. A file without BitsStored stores floats.
     """
-    bits, stored = int(dataset.get("BitsAllocated") or 16), int(dataset.get("BitsStored") or 16)
+    bits, stored = _bits(dataset)
     if not 1 <= stored <= bits or bits not in (1, 8, 16, 32, 64):
         raise unreadable_slice(Path(dataset.filename), got=f"{stored} of {bits} bits")
-    is_signed = bool(dataset.get("PixelRepresentation"))
     is_neutral = slope == 1.0 and intercept == 0.0
     if "BitsStored" not in dataset:
         return np.dtype("f4" if bits == 32 and is_neutral else "f8")
     if is_neutral:
-        return np.dtype(f"{'i' if is_signed else 'u'}{max(bits, 8) // 8}")
-    low, high = (-(2 ** (stored - 1)), 2 ** (stored - 1) - 1) if is_signed else (0, 2**stored - 1)
-    low, high = sorted((low * slope + intercept, high * slope + intercept))
+        return np.dtype(f"{'i' if dataset.get('PixelRepresentation') else 'u'}{max(bits, 8) // 8}")
+    low, high = sorted(end * slope + intercept for end in _stored_ends(dataset))
     if slope.is_integer() and intercept.is_integer() and max(-low, high) < 2**32:
         return np.min_scalar_type(int(high) if low >= 0 else int(min(low, -1 - high)))
     return np.dtype(np.float64)
+
+
+def _bits(dataset: Dataset) -> tuple[int, int]:
+    """Return how many bits a stored value has room for, and how many it uses."""
+    return int(dataset.get("BitsAllocated") or 16), int(dataset.get("BitsStored") or 16)
+
+
+def _stored_ends(dataset: Dataset) -> tuple[int, int]:
+    """Return the lowest and the highest value that the stored integers of a file may have."""
+    _, stored = _bits(dataset)
+    return (-(2 ** (stored - 1)), 2 ** (stored - 1) - 1) if dataset.get("PixelRepresentation") else (0, 2**stored - 1)

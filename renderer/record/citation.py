@@ -32,7 +32,8 @@ _LIGHT = {
     "specular": "highlights", "silhouette": "silhouettes", "occlusion": "ambient occlusion", "shadow": "soft shadows",
     "gradient_opacity": "opacities that depend on the gradient",
 }  # fmt: skip
-_GOALS = {"splats": "at most {} cells a frame", "seconds": "{} s a frame", "psnr": "PSNR {} dB", "rmse": "RMSE {}"}
+# Of each goal, the words for its value; the second gap is for ` a frame` in a film of several frames.
+_GOALS = {"splats": "at most {} cells{}", "seconds": "{} s{}", "psnr": "PSNR {} dB", "rmse": "RMSE {}"}
 # The version of a package, or a commit, as it may be printed. Other characters may have a meaning in BibTeX.
 _VERSION = re.compile(r"[\w.+ -]{1,80}", re.ASCII)
 _DIGITS_OF_FINGERPRINT = 12
@@ -57,8 +58,9 @@ def methods_text(record: FilmRecord, sidecar: Path) -> str:
     read = [_read_sections(tree, place, sidecar) for place, tree in {"scene": record.scene, **volumes}.items()]
     output, num = read[0]["output"], len(record.frames)
     sentences = [
-        f"{counted(num, 'frame')} of {output.size[0]} x {output.size[1]} pixels {'was' if num == 1 else 'were'} "
-        f"rendered with hsplat (version {_version(record)}) by hierarchical splatting (Laur and Hanrahan 1991).",
+        f"{'A picture' if num == 1 else counted(num, 'frame')} of {output.size[0]} x {output.size[1]} pixels "
+        f"{'was' if num == 1 else 'were'} rendered with hsplat (version {_version(record)}) by hierarchical splatting "
+        "(Laur and Hanrahan 1991).",
         f"The {'volumes were' if record.volumes else 'volume was'} "
         f"{'; '.join(map(_volume_text, record.volumes or (record.volume,)))}.",
         _drawing_sentence(record, read[0]),
@@ -92,13 +94,14 @@ def _volume_text(volume: VolumeRecord) -> str:
 def _drawing_sentence(record: FilmRecord, given: Mapping[str, Any]) -> str:
     requested, splat, mode = record.schedule.requested, given.get("splat", Scene.splat), given.get("mode", Scene.mode)
     goals = {key: short_text(value) for key, value in schedule_to_dict(requested).items() if key in _GOALS}
-    why = "".join(f"; chosen for {_GOALS[key].format(value)}" for key, value in goals.items())
+    each, begin = ("", "An") if len(record.frames) == 1 else (" a frame", "For each frame, an")
+    why = "".join(f"; chosen for {_GOALS[key].format(value, each)}" for key, value in goals.items())
     drawn = f"splats with a {splat.footprint.title()} footprint, blended by depth"
     if splat.footprint == "integrated":
         shown = f"show the {mode.type}" if mode.is_projection else "integrate emission and absorption"
         drawn = f"bricks, which {shown} along each ray"
     return (
-        f"For each frame, an octree of averages was cut at tolerance {range_text(record.schedule.tolerance)} "
+        f"{begin} octree of averages was cut at tolerance {range_text(record.schedule.tolerance)} "
         f"({requested.measure} error of a cell{why}), and its cells were drawn as {drawn}."
     )
 
@@ -118,10 +121,14 @@ def _light_sentence(shadings: list[Any], light: Any) -> str:
 
 def _accuracy_sentences(accuracy: FilmAccuracy, record: FilmRecord, output: OutputSpec) -> Iterator[str]:
     """Yield a sentence on the accuracy of the film, and one for each further file that shows the measured pictures."""
-    decoded = f" and the first {counted(accuracy.file.frames, 'frame')} decoded again" if accuracy.file else ""
-    truth, probes = "the exact ray integral", "exact rays through all frames"
+    is_still, decoded = len(record.frames) == 1, ""
+    if accuracy.file:
+        part = "the picture" if is_still else f"the first {counted(accuracy.file.frames, 'frame')}"
+        decoded = f" and {part} decoded again"
+    truth, probes = "the exact ray integral", "exact rays through"
     if "light" in record.scene:
-        truth, probes = "the light of paths by Monte Carlo", "pixels of all frames"
+        truth, probes = "the light of paths by Monte Carlo", "pixels of"
+    probes += " the picture" if is_still else " all frames"
     yield (
         f"Accuracy of {output.file.name} against {truth}: {accuracy_text(accuracy)}; intervals of 95 %, by "
         f"{accuracy.rays} {probes}{decoded}."

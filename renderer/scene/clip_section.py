@@ -15,7 +15,7 @@ from renderer.scene.splat_section import SplatSpec
 # The keys of an entry of `clip` that say what clips.
 _SHAPES = ("plane", "box")
 # The largest number of clip planes and clip boxes together, in the `clip` of a scene or of a layer.
-MAX_CLIPS = 6
+MAX_CLIPS = 16
 
 
 def _check_box(node: TreeNode, corners: tuple[Any, ...]) -> Any:
@@ -56,7 +56,7 @@ class ClipSpec:
     invert: whether to keep the part that would be clipped away, and to clip the other part.
     """
 
-    plane: Annotated[PlaneSpec | None, KeyText("A plane, one side of which is clipped away.")] = None
+    plane: Annotated[PlaneSpec | None, KeyText("A plane; the side `normal` points to is clipped away.")] = None
     box: Annotated[
         tuple[Vector, Vector] | None,
         _BOX,

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 from renderer.scene import schema
 from renderer.scene.annotation_section import ANNOTATION_SECTION, AnnotationSpec
 from renderer.scene.camera_section import CAMERA_FIELD, CameraSpec
-from renderer.scene.clip_section import CLIP_SECTION, ClipSpec
+from renderer.scene.clip_section import CLIP_SECTION, MAX_CLIPS, ClipSpec
 from renderer.scene.error_section import ERROR_SECTION, ErrorSpec
 from renderer.scene.fog_section import FogSpec
 from renderer.scene.labels_section import MASK_SECTION
@@ -108,7 +108,9 @@ _DESCRIBED: schema.FieldTable = {
     "mode": schema.described(
         MODE_SECTION, "How a ray makes a color of the values that it passes.", default=ModeSpec.type
     ),
-    "clip": schema.described(CLIP_SECTION, "Planes and boxes that clip parts away, at most six.", words="none"),
+    "clip": schema.described(
+        CLIP_SECTION, f"Planes and boxes that clip parts away, at most {MAX_CLIPS}.", words="none"
+    ),
     "mask": schema.described(
         MASK_SECTION,
         "The labels within which a volume is shown: the keys of `volume` or `name`, and these.",

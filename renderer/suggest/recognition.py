@@ -60,11 +60,11 @@ _MOST_AWAY = 0.75
 _FILLED_PERCENTILE = 60.0
 
 
-def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Choice:
+def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool, unit: str = "") -> Choice:
     """Recognise the kind of data by values that are no labels, and return the preset for this kind.
 
     zero: the stored value of 0 Hounsfield units; None for values in other units. is_float: whether the values are
-    floats.
+    floats. unit: the unit of the values, if the file states one.
     """
     if zero is not None:
         reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{offset_text(zero)}"
@@ -80,9 +80,9 @@ def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Cho
         return _two_signs_choice(sample, background.middle, away, reason)
     if background.below > background.above:
         turned = sample.with_inverted_range()
-        kind, reason, preset = _object_preset(turned, find_background(turned), is_float)
+        kind, reason, preset = _object_preset(turned, find_background(turned), is_float, unit)
         return Choice(f"{kind}, dark in a bright background", reason, preset.with_inverted_range())
-    return _object_preset(sample, background, is_float)
+    return _object_preset(sample, background, is_float, unit)
 
 
 def logarithmic_choice(sample: VoxelSample) -> tuple[VoxelSample, Choice] | None:
@@ -105,8 +105,8 @@ def logarithmic_choice(sample: VoxelSample) -> tuple[VoxelSample, Choice] | None
     return logarithms, Choice("density over many orders of magnitude", reason, preset)
 
 
-def _object_preset(sample: VoxelSample, background: Background, is_float: bool) -> Choice:
-    """Return the preset for an object brighter than its background."""
+def _object_preset(sample: VoxelSample, background: Background, is_float: bool, unit: str) -> Choice:
+    """Return the preset for an object brighter than its background. unit: as in `recognise`."""
     visible = sample.normalized[sample.normalized > background.high]
     near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
     if is_float and tail_ratio(visible - background.middle) > _HEAVY_TAIL:
@@ -118,7 +118,8 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
         if medium := find_medium(sample, background, first):
             reason = f"{near}, an even medium near {sample.round_value(sample.denormalize(medium.middle)):.12g}"
             reason, first = f"{reason} is in it, and an object in this", foreground_threshold(sample, medium)
-        return Choice("scan without an absolute scale", reason, materials_preset(sample, first))
+        kind = f"scan in {unit}" if unit else "scan without an absolute scale"
+        return Choice(kind, reason, materials_preset(sample, first))
     preset = field_preset(sample, background.high, origin=background.middle)
     return Choice(kind, f"{near}, and {reason}", preset)
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.scene import MAX_CLIPS, ClipSpec, PlaneSpec, Vector
+from renderer.scene import ClipSpec, PlaneSpec, Vector
 from renderer.statistics import VoxelSample, pool_voxels
 from renderer.volume import Bools, Float64, Int64, grow, label_parts
 
@@ -51,6 +51,8 @@ _MIN_LENGTH = 16
 # A thin part is a sheet, such as a table, only if its second longest side is at least this many times its thickness.
 # Rods are no sheets: by volume and surface, they are about twice as wide as thick.
 _MIN_WIDTH = 5.0
+# The largest number of planes that clip surroundings away. It leaves most of a scene's clip planes to the user.
+_MOST_PLANES = 6
 # The directions in which clip planes may face, as vectors of small whole numbers.
 _DIRECTIONS = np.array([each for each in product(range(-2, 3), repeat=3) if math.gcd(*each) == 1], np.float64)
 # The unit vectors of `_DIRECTIONS`.
@@ -115,7 +117,7 @@ def clip_specs(
     clip = [ClipSpec(plane=PlaneSpec(_rounded(at + centre, diagonal), _rounded(normal, 1.0))) for at, normal in planes]
     if corner is not None:
         low, high = (_rounded(end + centre, diagonal) for end in corner)
-        clip[MAX_CLIPS - 1 :] = [ClipSpec(box=(low, high))]
+        clip.append(ClipSpec(box=(low, high)))
     return tuple(clip)
 
 
@@ -216,7 +218,7 @@ def _touching_planes(points: Float64, heights: Float64, limits: Float64) -> list
     many.
     """
     is_beyond, is_left, chosen = heights > limits, np.ones(len(points), bool), list[int]()
-    while len(chosen) < MAX_CLIPS:
+    while len(chosen) < _MOST_PLANES:
         counts = is_beyond[is_left].sum(axis=0)
         if not counts.max():
             break

@@ -115,7 +115,9 @@ def _suggest_from(
     if found := logarithmic_choice(sample) if is_float and word is None and zero is None else None:
         logarithms, choice = found
         return with_logarithmic_scale(preset_suggestion(choice, logarithms, []), wish.colormap)
-    choose = partial(choose_by_word, word=word) if word else partial(recognise, is_float=is_float)
+    choose = (
+        partial(choose_by_word, word=word) if word else partial(recognise, is_float=is_float, unit=volume.value_unit)
+    )
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:
         planes = separating_planes(sample, choice.preset.covers(sample.normalized))

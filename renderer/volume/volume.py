@@ -174,6 +174,12 @@ class Volume:
         """Return the centre of the volume in the world, to which all drawing is relative: float64 [3]."""
         return self.world_from_index[:3, :3] @ self.centre_index + self.world_from_index[:3, 3]
 
+    @property
+    def world_box(self) -> tuple[Float64, Float64]:
+        """Return the lowest and the highest corner of the box around the volume, along the axes of the world."""
+        reach = np.abs(self.world_from_index[:3, :3]) @ self.shape_xyz / 2
+        return self.centre - reach, self.centre + reach
+
 
 def make_volume(
     values: Array,

@@ -50,6 +50,18 @@ def test_a_film_is_described_by_its_sidecar_alone(capsys: pytest.CaptureFixture[
     assert "tiny.gif" not in methods  # nobody has measured its smaller pictures
 
 
+def test_a_still_is_a_picture_and_has_no_frames(capsys: pytest.CaptureFixture[str]) -> None:
+    text = small_scene(frames=1, error="splats: 500, probes: 300")
+    Path("still.yaml").write_text(text.replace("film.mp4", "still.png"), encoding="utf-8")
+    assert main.run(["render", "still.yaml", "--quiet"]) == 0
+    capsys.readouterr()
+    assert main.run(["cite", "still.png"]) == 0
+    methods = capsys.readouterr().out.splitlines()[0]
+    assert methods.startswith("A picture of 32 x 32 pixels was rendered with hsplat (version ")
+    assert ". An octree of averages was cut at tolerance " in methods and " exact rays through the picture" in methods
+    assert "chosen for at most 500 cells)" in methods and "frame" not in methods
+
+
 def test_a_film_in_scattered_light_states_its_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     text = re.sub(r"shading: .*\n", "light: {key: {}}\n", Path("scene.yaml").read_text("utf-8"))
     Path("scene.yaml").write_text(text.replace("film.mp4", "light.mp4"), encoding="utf-8")

@@ -9,6 +9,7 @@ import json
 import re
 from pathlib import Path
 
+import nrrd
 import numpy as np
 import pytest
 import yaml
@@ -84,6 +85,32 @@ def test_variants_of_thin_matter_are_around_the_unit_that_makes_it_visible() -> 
     assert units == pytest.approx([2 * float(unit), float(unit), float(unit) / 2], rel=0.01)
     stated = [lines["transfer_function"] for lines in lines_of(text) if "transfer_function" in lines][:3]
     assert stated == [{"unit": pytest.approx(each, rel=0.01)} for each in units]
+
+
+@pytest.mark.parametrize(
+    ("axes", "captions"),
+    [
+        (
+            [[0, 2, 0], [-1, 0, 0], [0, 0, 1]],
+            [
+                "voxel x = 8, world y = 36 mm; world x 18.5 to 2.5 to the right, world z -0.5 to 11.5 upwards",
+                "voxel y = 8, world x = 10 mm; world y 19 to 51 to the right, world z -0.5 to 11.5 upwards",
+                "voxel z = 6, world z = 6 mm; world y 19 to 51 to the right, world x 18.5 to 2.5 upwards",
+            ],
+        ),
+        (
+            [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]],
+            ["voxel x = 8, through [19.6, 31.2, 6] in the world; y to the right, z upwards"],
+        ),
+    ],
+    ids=["swapped and flipped", "oblique"],
+)
+def test_slices_say_where_in_the_world_they_are(axes: list[list[float]], captions: list[str]) -> None:
+    header = {"space": "left-posterior-superior", "space directions": axes, "space origin": [18, 20, 0]}
+    header |= {"space units": ["mm"] * 3}
+    nrrd.write("a.nrrd", ball((0, 0, 0), 0.8, 16)[2:14].astype(np.uint8).transpose() * 200, header)
+    prose = Page(page_of("a.nrrd", "--size", "32", "--frames", "2")).prose
+    assert [caption for caption in captions if caption not in prose] == []
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from small_scene import small_tree
 
 from renderer.errors import SceneError
 from renderer.readers import read_volume
-from renderer.scene import ClipSpec, PlaneSpec, Scene, parse_scene
+from renderer.scene import MAX_CLIPS, ClipSpec, PlaneSpec, Scene, parse_scene
 from renderer.truth import keep_parts, pixel_centres, rays_through
 from renderer.view import View, are_clipped_away, place_clips, visible_bricks
 from renderer.volume import Bools, Float64, Volume
@@ -51,7 +51,8 @@ def test_all_mistakes_are_told_at_once() -> None:
         ("clip.4", "not a mapping"),
         ("clip.5.fixed", "unknown value"),
     ]
-    assert complaints(clip=[BOX] * 7) == [("clip", "too many planes and boxes")]
+    assert complaints(clip=[BOX] * (MAX_CLIPS + 1)) == [("clip", "too many planes and boxes")]
+    assert len(parse(clip=[BOX] * MAX_CLIPS).clip) == MAX_CLIPS
 
 
 @pytest.mark.parametrize(

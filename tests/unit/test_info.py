@@ -92,6 +92,7 @@ def test_json_has_the_same_facts(ramp):
     facts = facts_of(ramp)
     assert (facts["shape"], facts["dtype"], facts["bytes"]) == ([5, 4, 3], "int16", 120)
     assert facts["world_size"] == [5.0, 4.0, 3.0]
+    assert facts["world_box"] == [[-0.5, -0.5, -0.5], [4.5, 3.5, 2.5]]
     assert (facts["minimum"], facts["maximum"], facts["mean"]) == (0, 59, 29.5)
     assert facts["percentiles"]["50"] == 29.0
     assert sum(facts["histogram"]["counts"]) == 60
@@ -126,6 +127,7 @@ def test_headerless_file(tmp_path):
 def test_another_spacing_than_that_of_the_file(ramp):
     output = run(ramp, "--spacing", "0.1,0.1,0.5")
     assert "  spacing      0.1 x 0.1 x 0.5, in place of 1 x 1 x 1\n  world size   0.5 x 0.4 x 1.5\n" in output
+    assert "  world box    x -0.05 to 0.45, y -0.05 to 0.35, z -0.25 to 1.25\n" in output
     facts = facts_of(ramp, "--spacing", "0.1,0.1,0.5")
     assert (facts["spacing"], facts["replaced_spacing"]) == ([0.1, 0.1, 0.5], [1.0, 1.0, 1.0])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -305,6 +306,14 @@ def test_small_labels_are_labels_and_enlarged_scans_are_not() -> None:
     assert suggested(numbers).kind == "labels"
     scan = (40 * KINDS["uint16"][0][::3, ::3, ::3].astype(np.float64) / 65535).astype(np.uint16)
     assert suggested(scan.repeat(3, 0).repeat(3, 1).repeat(3, 2)).kind == "scan without an absolute scale"
+
+
+@pytest.mark.parametrize("name", ["uint8", "dark object"])
+def test_a_scan_with_a_unit_has_an_absolute_scale(name: str) -> None:
+    values, kind = KINDS[name]
+    volume = replace(volume_of(values), value_unit="HU")
+    found = suggest(volume, compute_statistics(volume.values), Wish())
+    assert found.kind == kind.replace("without an absolute scale", "in HU") != kind
 
 
 def test_an_object_that_fills_most_of_the_border_of_a_slab_is_shown() -> None:

@@ -29,6 +29,7 @@ VALUES = ramp("int16")
 NOTHING = ("", "", "")
 PLACE = {"ImagePositionPatient": ["0"] * 3, "ImageOrientationPatient": ["1", "0", "0", "0", "1", "0"]}
 HOUNSFIELD = {"RescaleIntercept": "-1024", "RescaleSlope": "1"}
+AS_STORED = {"RescaleIntercept": "0", "RescaleSlope": "1"}
 
 
 def facts(volume: Volume) -> tuple[str, str, str]:
@@ -58,8 +59,8 @@ def metaimage(*lines: str) -> Callable[[Path], None]:
     return write
 
 
-def dicom(**fields: Any) -> Callable[[Path], None]:
-    return lambda path: save(path, image_fields(VALUES[0], **fields))
+def dicom(dtype: str = "int16", **fields: Any) -> Callable[[Path], None]:
+    return lambda path: save(path, image_fields(VALUES[0].astype(dtype), **fields))
 
 
 def tiff(*args: Any, **options: Any) -> Callable[[Path], object]:
@@ -87,6 +88,9 @@ BODY = {"space": "left-posterior-superior", "space_directions": np.eye(3)}
         ("a.mha", metaimage("DistanceUnits = ?", "AnatomicalOrientation = RAI"), NOTHING),
         ("a.dcm", dicom(**PLACE, **HOUNSFIELD), ("mm", "LPS", "HU")),
         ("a.dcm", dicom(**PLACE, **HOUNSFIELD, RescaleType="US"), ("mm", "LPS", "")),
+        ("a.dcm", dicom(**PLACE, **AS_STORED), ("mm", "LPS", "HU")),
+        ("a.dcm", dicom("uint8", **PLACE, **AS_STORED), ("mm", "LPS", "")),
+        ("a.dcm", dicom("uint8", **PLACE, **AS_STORED, RescaleType="HU"), ("mm", "LPS", "HU")),
         ("a.dcm", dicom(**PLACE, AnatomicalOrientationType="QUADRUPED"), ("mm", "", "")),
         ("a.dcm", dicom(Modality="PT", Units="BQML", RescaleIntercept="0"), ("mm", "", "BQML")),
         ("a.mrc", lambda path: written(path, mrc(VALUES, mode=1)), ("Å", "", "")),
