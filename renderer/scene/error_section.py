@@ -163,12 +163,12 @@ _SCHEDULES: dict[str, schema.FieldType[Any]] = {
     ),
     "psnr": schema.described(
         schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT, motion=None),
-        "In place of `tolerance`: the PSNR of the film against exact pictures, in dB.",
+        "In place of `tolerance`: the PSNR of the frames before encoding, against exact pictures, in dB.",
         example="40",
     ),
     "rmse": schema.described(
         schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT, motion=None),
-        "In place of `tolerance`: the root mean square difference of colors from exact pictures.",
+        "In place of `tolerance`: the root mean square difference of the frames before encoding from exact pictures.",
         example="0.01",
     ),
 }

@@ -18,6 +18,8 @@ from renderer import load_scene, render
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "howto"
 SAMPLES = FOLDER / "samples.md"
+# Where a scene looks for the table of names that its page shows.
+TABLE = "names.csv"
 # A block of code, perhaps in a list: its language, and its text.
 _BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 
@@ -59,8 +61,9 @@ def main(names: list[str]) -> None:
         for page in howto_pages():
             if names and page.stem not in names:
                 continue
-            (*_, scene) = (block.text for block in blocks_of(page) if block.language == "yaml")
-            Path("scene.yaml").write_text(scene, "utf-8")
+            for language, text in blocks_of(page):
+                if language in ("csv", "yaml"):
+                    Path(TABLE if language == "csv" else "scene.yaml").write_text(text, "utf-8")
             film = render(load_scene("scene.yaml"), resume=False)
             picture = FOLDER / f"{page.stem}.webp"
             picture.write_bytes(Path(picture.name).read_bytes())

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from howto_page import FOLDER, SAMPLES, blocks_of, howto_pages, words_of
+from howto_page import FOLDER, SAMPLES, TABLE, blocks_of, howto_pages, words_of
 
 from hsplat_cli import main
 from renderer import render_frame
@@ -79,6 +79,8 @@ def test_all_blocks_of_a_page_run(
         if language == "yaml":
             Path("scene.yaml").write_text(_smaller(text), "utf-8")
             assert render_frame("scene.yaml", -1).any()
+        elif language == "csv":
+            Path(TABLE).write_text(text, "utf-8")
         elif language == "bash":
             for line in text.splitlines():
                 program, command, *arguments = shlex.split(line, comments=True)

@@ -23,6 +23,8 @@ ACTION = yaml.safe_load((ROOT / ".github/actions/golden/action.yml").read_text("
 BLOCKS = {Path(block.split()[1].rstrip(":")).name: block for block in re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)}
 RECIPES = {name: yaml.safe_load(block) for name, block in BLOCKS.items()}
 WORKFLOWS = ("golden-films.yml", "accept-goldens.yml")
+# The steps of the job that installs a wheel, in place of the action.
+BY_WHEEL = RECIPES["golden-wheel.yml"]["jobs"]["compare"]["steps"]
 COMMANDS = [
     *re.findall(r"(?m)^ {4}(hsplat [^#\n]*)", TEXT),
     *(" ".join(each.split()) for each in re.findall(r"`(hsplat [^`]*--[^`]*)`", TEXT)),
@@ -37,7 +39,8 @@ def steps_of(workflow: str) -> list[dict[str, Any]]:
 
 
 def test_the_page_has_all_recipes() -> None:
-    assert sorted(RECIPES) == [".gitlab-ci.yml", "accept-goldens.yml", "golden-films.yml", "golden.yaml"]
+    workflows = ["accept-goldens.yml", "golden-films.yml", "golden-wheel.yml"]
+    assert sorted(RECIPES) == [".gitlab-ci.yml", *workflows, "golden.yaml"]
 
 
 @pytest.mark.parametrize("workflow", WORKFLOWS)
@@ -87,6 +90,16 @@ def test_gitlab_gets_files_of_the_report() -> None:
     assert job["artifacts"]["paths"] == [str(folder)] and job["artifacts"]["when"] == "always"
     names = {"junit": "junit.xml", "codequality": "code-quality.json"}
     assert job["artifacts"]["reports"] == {key: str(folder / name) for key, name in names.items()}
+
+
+def test_jobs_by_a_wheel_install_the_one_that_is_committed_and_keep_the_report() -> None:
+    gitlab = RECIPES[".gitlab-ci.yml"]["golden films"]
+    install, command = [step["run"] for step in BY_WHEEL if "run" in step]
+    (upload,) = [step for step in BY_WHEEL if "upload-artifact" in step.get("uses", "")]
+    assert [install] == gitlab["before_script"] and [command] == gitlab["script"]
+    (committed,) = re.findall(r"(?m)^ {4}git add (.*)", TEXT)
+    assert shlex.split(install) == ["pip", "install", committed, "flip-evaluator"]
+    assert upload["if"] == "always()" and [upload["with"]["path"]] == gitlab["artifacts"]["paths"]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
