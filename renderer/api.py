@@ -281,8 +281,8 @@ def render(
     on_progress
         A function that is called as `on_progress(num_finished, num_frames)` after each frame that is drawn. An error
         that it raises ends the job, which can be resumed. By default, notebooks show a bar.
-    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance
-        As in `suggest_scene`. They replace the values of a scene.
+    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance : as in suggest_scene
+        Replaces the value of a scene.
 
     Returns
     -------
@@ -343,8 +343,8 @@ def preview(
     scene
         A scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
         suggested.
-    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance
-        As in `suggest_scene`. They replace the values of a scene.
+    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance : as in suggest_scene
+        Replaces the value of a scene.
 
     Returns
     -------
@@ -407,8 +407,8 @@ def integrate(
         With `light`, the wanted standard error of a pixel. Half of it takes four times as long.
     on_progress
         A function that is called with the finished share, from 0 to 1.
-    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance
-        As in `suggest_scene`. They replace the values of a scene; the exact picture has no `tolerance`.
+    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance : as in suggest_scene
+        Replaces the value of a scene. An exact picture has no `tolerance`.
 
     Returns
     -------

@@ -17,7 +17,6 @@ from commands import python
 
 import renderer
 from renderer import Film
-from renderer.api_scenes import make_scene, options_of
 
 ARRAY = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
 
@@ -36,18 +35,30 @@ def test_every_function_has_parameters_returns_errors_and_an_example() -> None:
         text = function.__doc__
         assert all(f"\n    {title}\n" in text for title in ("Parameters", "Returns", "Raises", "Examples")), name
         part = text.partition("Parameters\n")[2].partition("    Returns\n")[0]
-        listed = ", ".join(re.findall(r"(?m)^    (\w+(?:, \w+)*)$", part)).split(", ")
+        listed = ", ".join(re.findall(r"(?m)^    (\w+(?:, \w+)*)(?: : .+)?$", part)).split(", ")
         assert listed == list(inspect.signature(function).parameters), name
 
 
 @pytest.mark.parametrize("name", ["render_frame", "render", "preview", "integrate"])
-def test_functions_that_suggest_a_scene_take_its_parameters(name: str) -> None:
+def test_functions_that_suggest_a_scene_take_its_parameters(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A parameter has one name, type and default in all functions, and none is dropped on its way to the scene."""
     suggested = dict(inspect.signature(renderer.suggest_scene).parameters)
     del suggested["volume"]
-    assert options_of(suggested) == suggested
+    if name != "render":
+        del suggested["output"]
     taken = inspect.signature(getattr(renderer, name)).parameters
-    assert all(taken.get(each) == suggested[each] for each in suggested if each != "output" or name == "render")
+    assert {each: taken.get(each) for each in suggested} == suggested
+    given: list[dict[str, Any]] = []
+
+    def make_scene(_source: Any, options: dict[str, Any], **_: Any) -> None:
+        given.append(options)
+        raise InterruptedError
+
+    monkeypatch.setattr("renderer.api.make_scene", make_scene)
+    for function in (getattr(renderer, name), renderer.suggest_scene):
+        with pytest.raises(InterruptedError):
+            function(ARRAY, **suggested)
+    assert all(options.items() >= suggested.items() for options in given)
 
 
 def test_a_volume_and_its_parameters_are_as_the_scene_that_they_suggest(folder: Path) -> None:
@@ -73,15 +84,16 @@ def test_a_volume_and_its_parameters_are_as_the_scene_that_they_suggest(folder: 
 
 def test_further_outputs_follow_the_first_one(folder: Path) -> None:
     """They keep a size and a background of their own."""
-    outputs = [{"file": "a.mp4"}, {"file": "b.gif", "size": [64, 64]}, {"file": "c.webm", "background": "red"}]
+    outputs = [{"file": "a.png"}, {"file": "b.png", "size": [16, 16]}, {"file": "c.png", "background": "red"}]
     tree = {"version": 1, "volume": {"file": "a.npy"}, "output": outputs}
-    tree |= {"camera": {"path": {"type": "hold", "frames": 9}}}
+    tree |= {"camera": {"path": {"type": "turntable", "frames": 1}}}
     tree |= {"transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 0.5}]}}
     np.save("a.npy", ARRAY)
-    Path("scene.yaml").write_text(json.dumps(tree))
-    files = make_scene("scene.yaml", {"size": (128, 128), "background": "blue"}).at(0).output.files
-    assert [each.size for each in files] == [(128, 128), (64, 64), (128, 128)]
-    assert [each.background for each in files] == [(0, 0, 1), (0, 0, 1), (1, 0, 0)]
+    Path("scene.yaml").write_text(json.dumps(tree | {"error": {"probes": 0}}))
+    film = renderer.render("scene.yaml", size=(32, 32), background="blue")
+    files = json.loads(film.sidecar.read_text("utf-8"))["scene"]["output"]
+    assert [each["size"] for each in files] == [[32, 32], [16, 16], [32, 32]]
+    assert [each["background"] for each in files] == [[0, 0, 1], [0, 0, 1], [1, 0, 0]]
 
 
 def problem(**options: Any) -> str:
