@@ -166,10 +166,10 @@ def install(extra: str) -> None:
             return
         # While pip runs, the record has only the Python: after an interrupt, pip runs again.
         write_install_record({"python": python})
-        say("installing hsplat and its libraries into .venv")
         wheel = find_wheel(Path(folder))
-        if wheel:
-            say(f"using {wheel.relative_to(ROOT)}")
+        # pip prints nothing while it compiles.
+        duration = "" if wheel else "; the build takes {} minutes".format("several" if extra else "about two")
+        say(f"installing {wheel.relative_to(ROOT) if wheel else 'hsplat'} and its libraries into .venv{duration}")
         # Modules are compiled when they are first imported. Tests need the kernels of all levels of processors.
         command = [VENV / "bin" / "python", "-m", "pip", "install", "--no-compile", str(wheel or folder) + extra]
         if run(*command, PIP_USER="0", HSPLAT_BUILD_LEVELS="all" if extra else "own") != 0:

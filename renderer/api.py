@@ -23,6 +23,7 @@ from renderer.api_scenes import (
     frame_number,
     frame_numbers,
     make_scene,
+    options_of,
     scene_file,
 )
 from renderer.errors import InputError
@@ -152,10 +153,7 @@ def suggest_scene(
     >>> scene = renderer.suggest_scene(array, spacing=(0.5, 0.5, 1.2))
     >>> scene = renderer.suggest_scene({"nuclei": array, "membranes": array**2}, output="cells.mp4")
     """
-    options: dict[str, Any] = {"labels": labels, "mask": mask, "spacing": spacing}
-    options |= {"transfer_function": transfer_function, "light": light, "camera": camera}
-    options |= {"size": size, "background": background, "tolerance": tolerance, "output": output}
-    return make_scene(volume, options, is_volume=True)
+    return make_scene(volume, options_of(locals()), is_volume=True)
 
 
 @ctrl_c_stops_kernels()
@@ -224,11 +222,8 @@ def render_frame(
     >>> image = renderer.render_frame(array, labels=array > 100, mask=array > 20)
     >>> image = renderer.render_frame(array, light="studio")
     """
-    options: dict[str, Any] = {"labels": labels, "mask": mask, "spacing": spacing}
-    options |= {"transfer_function": transfer_function, "light": light, "camera": camera}
     # Nothing is written, so the picture may have an odd size or be transparent, whatever the scene's output allows.
-    options |= {"size": size, "background": background, "tolerance": tolerance, "output": _ANY_PICTURE}
-    made = make_scene(scene, options)
+    made = make_scene(scene, options_of(locals()) | {"output": _ANY_PICTURE})
     numbers = [frame_number(frame, made)]
     with open_local_executor(made) as executor, _open_stage(made) as stage:
         require_annotation(stage, numbers)
@@ -252,6 +247,15 @@ def render(
     best_effort: bool = False,
     resume: bool = True,
     on_progress: OnProgress | None = None,
+    labels: ImageLike | Layer | Mapping[Any, Any] | None = None,
+    mask: ImageLike | Layer | None = None,
+    spacing: Sequence[float] | None = None,
+    transfer_function: TransferLike | None = None,
+    light: LightLike | None = None,
+    camera: CameraLike | None = None,
+    size: tuple[int, int] | None = None,
+    background: str | Sequence[float] | None = None,
+    tolerance: float | None = None,
 ) -> Film:
     """Draw a film and write it with its sidecar, to the same bytes as the command `hsplat render`.
 
@@ -277,6 +281,8 @@ def render(
     on_progress
         A function that is called as `on_progress(num_finished, num_frames)` after each frame that is drawn. An error
         that it raises ends the job, which can be resumed. By default, notebooks show a bar.
+    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance : as in suggest_scene
+        Replaces the value of a scene.
 
     Returns
     -------
@@ -297,9 +303,10 @@ def render(
     Examples
     --------
     >>> film = renderer.render("scene.yaml", output="draft.gif", frames=range(0, 120, 10))
+    >>> film = renderer.render(array, spacing=(1, 1, 2), size=(640, 480), output="scan.mp4")
     >>> film.path, film.sidecar
     """
-    made = make_scene(scene, {"output": output}, is_single_frame=True)
+    made = make_scene(scene, options_of(locals()), is_single_frame=True)
     numbers = frame_numbers(frames, made)
     made = make_scene(made, {}, is_single_frame=len(numbers) == 1)
     is_file = isinstance(scene, (str, os.PathLike)) and not is_volume_name(scene)
@@ -316,7 +323,19 @@ def render(
 
 
 @ctrl_c_stops_kernels()
-def preview(scene: SceneLike) -> Page:
+def preview(
+    scene: SceneLike,
+    *,
+    labels: ImageLike | Layer | Mapping[Any, Any] | None = None,
+    mask: ImageLike | Layer | None = None,
+    spacing: Sequence[float] | None = None,
+    transfer_function: TransferLike | None = None,
+    light: LightLike | None = None,
+    camera: CameraLike | None = None,
+    size: tuple[int, int] | None = None,
+    background: str | Sequence[float] | None = None,
+    tolerance: float | None = None,
+) -> Page:
     """Return a page that shows a scene before its film is made, as `hsplat preview` does. Nothing is written.
 
     Parameters
@@ -324,6 +343,8 @@ def preview(scene: SceneLike) -> Page:
     scene
         A scene, the name of a scene file, or one or several volumes as in `suggest_scene`, for which a scene is
         suggested.
+    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance : as in suggest_scene
+        Replaces the value of a scene.
 
     Returns
     -------
@@ -333,7 +354,7 @@ def preview(scene: SceneLike) -> Page:
     Raises
     ------
     InputError
-        The volume is wrong.
+        The volume or a parameter is wrong.
     SceneError
         The scene is wrong.
     RenderError
@@ -343,9 +364,10 @@ def preview(scene: SceneLike) -> Page:
     --------
     >>> Path("page.html").write_text(renderer.preview(array).html, "utf-8")
     """
+    made = make_scene(scene, options_of(locals()))
+    # This import is not at the top of the file, because the page takes a while to load.
     from hsplat_cli.preview import preview_page
 
-    made = make_scene(scene, {})
     title = f"Preview of {Path(scene).name if isinstance(scene, (str, os.PathLike)) else 'a scene'}"
     job = FilmJob(made, range(made.num_frames), accuracy_of(made.error))
     page, _ = preview_page(job, title, lambda _: None)
@@ -359,6 +381,15 @@ def integrate(
     *,
     standard_error: float = 0.005,
     on_progress: Callable[[float], None] | None = None,
+    labels: ImageLike | Layer | Mapping[Any, Any] | None = None,
+    mask: ImageLike | Layer | None = None,
+    spacing: Sequence[float] | None = None,
+    transfer_function: TransferLike | None = None,
+    light: LightLike | None = None,
+    camera: CameraLike | None = None,
+    size: tuple[int, int] | None = None,
+    background: str | Sequence[float] | None = None,
+    tolerance: float | None = None,
 ) -> ExactImage:
     """Compute the exact picture of a frame: the mean over each pixel of converged ray integrals, without cells.
 
@@ -376,6 +407,8 @@ def integrate(
         With `light`, the wanted standard error of a pixel. Half of it takes four times as long.
     on_progress
         A function that is called with the finished share, from 0 to 1.
+    labels, mask, spacing, transfer_function, light, camera, size, background, tolerance : as in suggest_scene
+        Replaces the value of a scene. An exact picture has no `tolerance`.
 
     Returns
     -------
@@ -402,7 +435,7 @@ def integrate(
 
     if not standard_error > 0:
         raise InputError("the standard error is not positive", where="standard_error", got=f"{standard_error}")
-    made = make_scene(scene, {"output": _ANY_PICTURE})
+    made = make_scene(scene, options_of(locals()) | {"output": _ANY_PICTURE})
     number = frame_number(frame, made)
     with _open_stage(made) as stage:
         truth = compute_truth(

@@ -60,8 +60,17 @@ _PARAMETERS = {
     "output.file": "output",
     "error.tolerance": "tolerance",
 }
+# The parameters of the API that change a scene or its suggestion.
+_OPTIONS = frozenset(
+    ("labels", "mask", "spacing", "transfer_function", "light", "camera", "size", "background", "tolerance", "output")
+)
 # The look of a volume that a suggestion replaces.
 _PLACEHOLDER = {"points": [{"value": 0, "color": "white", "opacity": 1}]}
+
+
+def options_of(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of a scene among the parameters of a function, which are its `locals()` at its beginning."""
+    return {name: value for name, value in parameters.items() if name in _OPTIONS}
 
 
 def make_scene(
@@ -284,8 +293,11 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
     names = {"output": "file", "size": "size", "background": "background"}
     if "output" in given:
         tree["output"] = only_output(tree["output"], output_suffix(str(given["output"])))
-    first = tree["output"][0] if isinstance(tree["output"], list) else tree["output"]
-    first |= {key: given[name] for name, key in names.items() if name in given}
+    outputs = tree["output"] if isinstance(tree["output"], list) else [tree["output"]]
+    first = dict(outputs[0])
+    for each in outputs:  # further outputs that have the value of the first one get its new value
+        changed = [name for name in names if name in given and each.get(names[name]) == first.get(names[name])]
+        each |= {names[name]: given[name] for name in changed}
     if "transfer_function" in given:
         for key in ("labels", "transfer_function"):
             tree.pop(key, None)

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from renderer.accuracy.darkness import DARK, DrawDenser, brightness_of, explain_darkness, explain_thinness
+from renderer.accuracy.darkness import DARK, Darkness, DrawRays, brightness_of, explain_darkness, explain_thinness
 from renderer.accuracy.overexposure import overexposed_share, overexposure_note
 from renderer.accuracy.truths import is_loop, spread_evenly
 from renderer.film import over_background
@@ -22,6 +22,7 @@ from renderer.frame import FilmStage, Stage, StageMaker, prepare_stage, view_of
 from renderer.layers import Layer
 from renderer.scene import FilmScene, LayerSpec
 from renderer.statistics import background_value
+from renderer.transfer import NO_LIGHT_GRID
 from renderer.truth import SceneRays, chord_lengths, pixel_centres
 from renderer.view import MOST_LEFT_OUT, View
 from renderer.volume import Bools, Float64, Volume, sampled_volume
@@ -106,7 +107,7 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
     if not found and brightest.brightness < DARK:
         darkness = _explained(explain_darkness, stage, brightest, num_threads)
         amount = f"{100 * brightest.brightness:.2g} % of white"
-        found = [Glance("dark", f"the picture is dark, at most {amount}: {darkness.why}", darkness.factor)]
+        found = [Glance("dark", f"most of the picture is dark, at most {amount}: {darkness.why}", darkness.factor)]
     if not found and (note := overexposure_note(at, overexposed)):
         found = [Glance("too bright", note)]
     boxes = np.all(are_boxes, axis=0).tolist()
@@ -189,21 +190,32 @@ def _empty_glances(stage: FilmStage, looks: Sequence[_Look], num_threads: int) -
             yield Glance(NOTHING, NOTHING_VISIBLE)
             return
         word, amount, info = NOTHING, "", ""
-    thin = _explained(explain_thinness, stage, look, num_threads)
-    why, factor = (info, 1.0) if thin is None else (f": {thin.why}", thin.factor)
+    explain: Callable[..., Darkness | None] = explain_darkness if look.brightness < DARK else explain_thinness
+    found = _explained(explain, stage, look, num_threads)
+    why, factor = (info, 1.0) if found is None else (f": {found.why}", found.factor)
     yield Glance(word, f"{which} {word}{amount}{why}", factor)
 
 
-def _explained(explain: Callable[[Stage, Float64, DrawDenser], T], film: FilmStage, look: _Look, num_threads: int) -> T:
-    """Return an explanation of a picture, for which its rays may be drawn again through denser matter."""
+def _explained(explain: Callable[[Stage, Float64, DrawRays], T], film: FilmStage, look: _Look, num_threads: int) -> T:
+    """Return an explanation of a picture, for which its rays may be drawn again, denser or in even light."""
     stage = _stage_at(film, look.frame, num_threads)
 
-    def draw_denser(factor: float) -> Float64:
-        layers = [replace(layer, spec=replace(layer.spec, weight=factor * layer.spec.weight)) for layer in stage.layers]
+    def draw(factor: float = 1.0, *, is_even: bool = False) -> Float64:
+        layers = [_changed_layer(layer, factor, is_even=is_even) for layer in stage.layers]
         rays = SceneRays(replace(stage, layers=tuple(layers)), num_threads=num_threads)
         return rays.integrate(look.view, pixel_centres(look.view.size), _STEP_VOXELS)
 
-    return explain(stage, look.radiance, draw_denser)
+    return explain(stage, look.radiance, draw)
+
+
+def _changed_layer(layer: Layer, factor: float, *, is_even: bool) -> Layer:
+    """Return a layer, for exact rays, with its extinctions multiplied by a factor, and perhaps in even light."""
+    spec = replace(layer.spec, weight=factor * layer.spec.weight)
+    if not is_even or spec.shading is None:
+        return replace(layer, spec=spec)
+    # Factors on extinction by the gradient remain.
+    shading = replace(spec.shading, ambient=1.0, diffuse=0.0, specular=0.0, occlusion=0.0, shadow=0.0, silhouette=0.0)
+    return replace(layer, spec=replace(spec, shading=shading), light_grid=NO_LIGHT_GRID)
 
 
 def _is_box(layer: Layer, view: View, places: Float64, opacities: Float64) -> bool:

@@ -15,6 +15,8 @@ from click.testing import CliRunner
 from hsplat_cli.main import hsplat
 from renderer.accuracy import look_ahead
 from renderer.frame import prepare_stage
+from renderer.readers import read_volume
+from renderer.resolve import resolve_scene
 from renderer.scene import Scene, parse_scene
 from renderer.suggest import PRESET_WORDS
 
@@ -92,22 +94,71 @@ def test_a_ball_of_any_background_and_mode() -> None:
     assert seen(parse_scene(scene_of(opaque, mode={"type": "maximum"}), base=Path())) == []
 
 
+COLORS = "brighter colors in transfer_function.points"
+MORE_LIGHT = "a larger shading.ambient, or shading.light: camera,"
+BEHIND = {"ambient": 0.12, "light": [0, 1, 0]}
+DARK_RED = {
+    "points": [{"value": 100, "color": "#240000", "opacity": 0}, {"value": 160, "color": "#240000", "opacity": 0.9}]
+}
+
+
 @pytest.mark.parametrize(
-    ("sections", "reason"),
+    ("sections", "reasons"),
     [
-        ({"shading": {"ambient": 0.05, "light": [0, 1, 0]}}, "a larger shading.ambient, or shading.light: camera,"),
-        ({"transfer_function": GRAY | {"opacity": [[100, 0], [160, 0.9]], "range": [0, 5000]}}, "colors of"),
-        ({"transfer_function": GRAY | {"opacity": [[100, 0], [160, 0.003]]}}, "transfer_function.unit"),
-        ({"output": {"file": "film.mp4", "size": [64, 64], "background": "white"}}, ""),
-        ({}, ""),
+        ({"shading": BEHIND}, [MORE_LIGHT]),
+        # A lit patch at the rim does not make a picture bright.
+        ({"shading": {"ambient": 0.05, "light": [1, 0.7, 0]}}, [MORE_LIGHT]),
+        ({"shading": {"ambient": 0.2, "light": [0, 1, 0]}}, []),
+        ({"transfer_function": DARK_RED}, [COLORS]),
+        ({"transfer_function": DARK_RED, "shading": {"light": "camera"}}, [COLORS]),
+        ({"transfer_function": DARK_RED, "shading": BEHIND}, [MORE_LIGHT, COLORS]),
+        (
+            {"transfer_function": GRAY | {"opacity": [[100, 0], [160, 0.9]], "range": [0, 5000]}},
+            ["a narrower transfer_function.range"],
+        ),
+        ({"transfer_function": GRAY | {"opacity": [[100, 0], [160, 0.003]]}}, ["transfer_function.unit"]),
+        ({"output": {"file": "film.mp4", "size": [64, 64], "background": "white"}}, []),
+        ({}, []),
     ],
 )
-def test_a_dark_picture_says_why(sections: Any, reason: str) -> None:
+def test_a_dark_picture_says_why(sections: Any, reasons: list[str]) -> None:
+    """It names the keys of a scene: those of all reasons if none of them alone would make the picture bright."""
     camera = {"path": {"type": "turntable", "frames": 1, "elevation": 20}}
     scene = parse_scene(scene_of([[100, 0], [160, 0.9]], camera=camera) | sections, base=Path())
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
         notes = [each.note for each in look_ahead(stage, [0], num_threads=1) if each.word == DARK]
-    assert len(notes) == bool(reason) and all(reason in note for note in notes)
+    assert len(notes) == bool(reasons)
+    for note in notes:
+        told = [key for key in (MORE_LIGHT, COLORS, "transfer_function.range", "transfer_function.unit") if key in note]
+        assert len(told) == len(reasons) and all(reason in note for reason in reasons)
+
+
+def test_a_picture_that_is_next_to_black_says_why() -> None:
+    sections = {"transfer_function": DARK_RED, "shading": BEHIND | {"ambient": 0.04}}
+    scene = parse_scene(scene_of([]) | sections, base=Path())
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+        (glance,) = look_ahead(stage, [0], num_threads=1)
+    assert glance.word == NEXT_TO_NOTHING and MORE_LIGHT in glance.note and COLORS in glance.note
+
+
+def test_dark_colors_of_labels_and_of_several_volumes() -> None:
+    """A note names the key of each, and only of those that are visible."""
+    labels = scene_of([]) | {"volume": {"file": "labels.npy"}, "labels": {"colors": {1: "#240000"}}}
+    del labels["transfer_function"]
+    np.save("labels.npy", (ball() > 100).astype(np.uint8))
+    unseen = {
+        "file": "ball.npy",
+        "transfer_function": {"colormap": "gray", "range": [0, 250], "opacity": [[240, 0], [250, 1]]},
+    }
+    ramp = {"file": "ball.npy", "color": "#240000", "range": [100, 120]}
+    volumes = scene_of([]) | {"volumes": [unseen, ramp, {"file": "ball.npy", "transfer_function": DARK_RED}]}
+    del volumes["transfer_function"], volumes["volume"]
+    keys = "a brighter volumes.1.color and brighter colors in volumes.2.transfer_function.points make"
+    for tree, reason in ((labels, "brighter labels.colors make"), (volumes, keys)):
+        scene = resolve_scene(parse_scene(tree, base=Path()), read_volume)
+        with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+            (glance,) = look_ahead(stage, range(6), num_threads=1)
+        assert glance.word == DARK and reason in glance.note
 
 
 def changed(note: str, tree: dict[str, Any]) -> dict[str, Any]:

@@ -83,8 +83,8 @@ def test_the_reference_is_made_of_commands_docstrings_and_declarations(site: dic
     assert 'href="#renderer.api_layers.ImageLike">ImageLike</a>' in api
     # The sentence of the stored page that leads here.
     assert not any("The site</a>" in page for page in (api, formats, sidecar))
-    # Parameters of two functions, and an attribute: a section that is not understood would be a paragraph.
-    assert api.count("<b><code>spacing</code></b>") == 2
+    # Parameters of five functions, and an attribute: a section that is not understood would be a paragraph.
+    assert api.count("<b><code>spacing</code></b>") == 5
     assert 'title="renderer.Layer.spacing"' in api
     assert set(re.findall(r'<h2 id="([-\w]+)"', formats)) > {"dicom", "nrrd"}
     assert all(f"<code>{field}</code>" in sidecar for field in FilmRecord.__dataclass_fields__)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import os
 import re
 import sys
@@ -33,8 +34,66 @@ def test_every_function_has_parameters_returns_errors_and_an_example() -> None:
         function = getattr(renderer, name)
         text = function.__doc__
         assert all(f"\n    {title}\n" in text for title in ("Parameters", "Returns", "Raises", "Examples")), name
-        listed = re.findall(r"(?m)^    (\w+)$", text.partition("Parameters\n")[2].partition("    Returns\n")[0])
+        part = text.partition("Parameters\n")[2].partition("    Returns\n")[0]
+        listed = ", ".join(re.findall(r"(?m)^    (\w+(?:, \w+)*)(?: : .+)?$", part)).split(", ")
         assert listed == list(inspect.signature(function).parameters), name
+
+
+@pytest.mark.parametrize("name", ["render_frame", "render", "preview", "integrate"])
+def test_functions_that_suggest_a_scene_take_its_parameters(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A parameter has one name, type and default in all functions, and none is dropped on its way to the scene."""
+    suggested = dict(inspect.signature(renderer.suggest_scene).parameters)
+    del suggested["volume"]
+    if name != "render":
+        del suggested["output"]
+    taken = inspect.signature(getattr(renderer, name)).parameters
+    assert {each: taken.get(each) for each in suggested} == suggested
+    given: list[dict[str, Any]] = []
+
+    def make_scene(_source: Any, options: dict[str, Any], **_: Any) -> None:
+        given.append(options)
+        raise InterruptedError
+
+    monkeypatch.setattr("renderer.api.make_scene", make_scene)
+    for function in (getattr(renderer, name), renderer.suggest_scene):
+        with pytest.raises(InterruptedError):
+            function(ARRAY, **suggested)
+    assert all(options.items() >= suggested.items() for options in given)
+
+
+def test_a_volume_and_its_parameters_are_as_the_scene_that_they_suggest(folder: Path) -> None:
+    options: dict[str, Any] = {
+        "spacing": (1, 1, 2),
+        "size": (24, 16),
+        "background": "navy",
+        "camera": {"shift": [0, 0]},
+    }
+    options |= {"transfer_function": "viridis", "mask": ARRAY > 5}
+    scene = renderer.suggest_scene(ARRAY, **options)
+    films = [
+        renderer.render(ARRAY, output="a.webm", frames=range(2), **options),
+        renderer.render(scene, output="b.webm", frames=range(2)),
+    ]
+    assert films[0].path.read_bytes() == films[1].path.read_bytes()
+    pictures = [renderer.integrate(ARRAY, **options), renderer.integrate(scene)]
+    np.testing.assert_array_equal(*pictures)
+    assert pictures[0].shape == (16, 24, 3)
+    labelled = renderer.preview(np.array(ARRAY > 9), labels={1: "the large half"}, size=(32, 32))
+    assert "the large half" in labelled.html
+
+
+def test_further_outputs_follow_the_first_one(folder: Path) -> None:
+    """They keep a size and a background of their own."""
+    outputs = [{"file": "a.png"}, {"file": "b.png", "size": [16, 16]}, {"file": "c.png", "background": "red"}]
+    tree = {"version": 1, "volume": {"file": "a.npy"}, "output": outputs}
+    tree |= {"camera": {"path": {"type": "turntable", "frames": 1}}}
+    tree |= {"transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 0.5}]}}
+    np.save("a.npy", ARRAY)
+    Path("scene.yaml").write_text(json.dumps(tree | {"error": {"probes": 0}}))
+    film = renderer.render("scene.yaml", size=(32, 32), background="blue")
+    files = json.loads(film.sidecar.read_text("utf-8"))["scene"]["output"]
+    assert [each["size"] for each in files] == [[32, 32], [16, 16], [32, 32]]
+    assert [each["background"] for each in files] == [[0, 0, 1], [0, 0, 1], [1, 0, 0]]
 
 
 def problem(**options: Any) -> str:

@@ -8,6 +8,7 @@ import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -247,8 +248,9 @@ BUILT = {"renderer/kernels/built/kernels-1.so": "compiled"}
     ],
 )
 def test_a_wheel_of_these_sources_is_used(
-    checkout: Path, runs: Runs, name: str, files: dict[str, str], age: float, is_used: bool
+    checkout: Path, runs: Runs, capsys: Any, name: str, files: dict[str, str], age: float, is_used: bool
 ) -> None:
+    """A build is silent and long, so the step says how long it takes."""
     wheel = checkout / "dist" / name
     wheel.parent.mkdir()
     wheel.write_bytes(b"damaged")
@@ -260,6 +262,9 @@ def test_a_wheel_of_these_sources_is_used(
     os.utime(wheel, (made, made))
     bootstrap.install("[test]")
     assert runs.commands[-1].endswith(f"{wheel}[test]") is is_used
+    what = f"dist/{name} and its libraries into .venv"
+    built = "hsplat and its libraries into .venv; the build takes several minutes"
+    assert f"hsplat: installing {what if is_used else built}\n" in capsys.readouterr().out
 
 
 def test_kernels_for_another_processor_are_made_again(checkout: Path, runs: Runs, monkeypatch) -> None:
