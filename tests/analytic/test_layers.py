@@ -137,7 +137,7 @@ def test_two_layers_are_drawn_where_one_cell_stands_for_all_voxels() -> None:
         ("mean", 40),
         ("lit on one grid", 70),
         ("boxes for all", 60),
-        ("a mask", 50),
+        pytest.param("a mask", 50, marks=pytest.mark.slow),
         ("a lit label up to the border", 40),
     ],
 )

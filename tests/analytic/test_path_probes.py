@@ -210,6 +210,7 @@ def test_pictures_of_linear_light_are_read_as_they_were_made(
     np.testing.assert_allclose(picture, expected, atol={8: 0.006, 16: 3e-5, 32: 1e-6}[depth])
 
 
+@pytest.mark.slow
 def test_tolerances_are_found_for_an_accuracy_or_the_grid_of_light_is_named() -> None:
     # Cells of a voxel do not resolve how far light reaches into opaque matter.
     stage = stage_of(

@@ -124,6 +124,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "white": {"output": OUTPUT | {"background": "white"}},
     "gaussian": {"splat": {"footprint": "gaussian"}},
 }
+SLOW = ("lit", "transparent", "white")
 
 
 def scene_of(**sections: Any) -> Scene:
@@ -137,7 +138,9 @@ def drawn(stage: Stage, number: int) -> Frame:
     return frame
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize(
+    "variant", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in VARIANTS]
+)
 def test_rays_measure_the_error_of_a_frame(variant: str) -> None:
     scene = scene_of(**VARIANTS[variant])
     stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
@@ -155,6 +158,7 @@ def test_rays_measure_the_error_of_a_frame(variant: str) -> None:
     assert probe.samples.mean == pytest.approx(((unrounded - truth) ** 2).mean(), abs=4 * probe.samples.deviation)
 
 
+@pytest.mark.slow
 def test_rays_converge_where_they_are_asked_to() -> None:
     """Through the same places, with light, too; rays of one step leave an error."""
     scene = scene_of(**VARIANTS["lit"])
@@ -168,6 +172,7 @@ def test_rays_converge_where_they_are_asked_to() -> None:
     assert np.abs(quick - exact).max() > 1e-6
 
 
+@pytest.mark.slow
 def test_an_exact_picture_has_no_error_that_probes_could_tell() -> None:
     """Its means, by other rays, differ by the variances of both: what probes find is that of the picture alone."""
     stage = prepare_stage(scene_of(), clock=perf_counter, num_threads=2)

@@ -118,6 +118,7 @@ def stage_of(**sections: Any) -> Stage:
     return prepare_stage(scene, clock=perf_counter, num_threads=2)
 
 
+@pytest.mark.slow
 def test_a_frame_shows_what_all_its_rays_show() -> None:
     stage = stage_of()
     with BrickRasterizer() as rasterizer:

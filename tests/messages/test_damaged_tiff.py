@@ -102,7 +102,14 @@ def directories_that_overlap() -> bytes:
     return bytes(data)
 
 
-@pytest.mark.parametrize("make", [fields_that_nobody_needs, needed_fields_of_many_values, directories_that_overlap])
+@pytest.mark.parametrize(
+    "make",
+    [
+        fields_that_nobody_needs,
+        needed_fields_of_many_values,
+        pytest.param(directories_that_overlap, marks=pytest.mark.slow),
+    ],
+)
 def test_small_files_that_claim_much_end_within_the_limits(tmp_path, monkeypatch, make):
     monkeypatch.setattr("renderer.readers.isolation._MEMORY_BYTES", 200 << 20)
     (tmp_path / "a.tif").write_bytes(make())

@@ -16,9 +16,8 @@ PLAIN, LIT = 18**3, 20**3
 FOUR = 16 * 18**3
 
 
-@pytest.mark.parametrize(
-    "shading", [pytest.param(None, marks=pytest.mark.slow, id="plain"), pytest.param({}, id="lit")]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("shading", [pytest.param(None, id="plain"), pytest.param({}, id="lit")])
 def test_films_have_the_same_bytes(folder: Path, scheduler: str, shading: dict[str, float] | None) -> None:
     tree = small_tree(frames=3, volume=engine_block(64, 64, 48)) | ({} if shading is None else {"shading": shading})
     (folder / "scene.yaml").write_text(json.dumps(tree))

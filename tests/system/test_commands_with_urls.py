@@ -49,6 +49,7 @@ def test_turntables_of_urls(server: ServedFolder, capsys: pytest.CaptureFixture[
     assert urls[1] in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_film_of_another_url_keeps_its_scene(server: ServedFolder, capsys: pytest.CaptureFixture[str]) -> None:
     url, other = (f"{server.url}/{name}/scan.ome.zarr" for name in "ab")
     assert main.run(["turntable", "-o", "films", *SMALL, url]) == 0

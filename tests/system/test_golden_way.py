@@ -203,6 +203,7 @@ def test_words_of_inputs_are_words_of_a_shell_and_no_code(repository: Repository
     assert repository.run_job("push", artifact, scenes="--help").code == 2
 
 
+@pytest.mark.slow
 def test_a_job_without_a_comparison_is_red(repository: Repository, tmp_path: Path) -> None:
     job = repository.run_job("push", tmp_path / "artifact.zip")
     assert job.code == 2 and "::error title=golden films::" in job.printed and "no golden.yaml" in job.printed

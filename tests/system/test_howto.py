@@ -26,7 +26,7 @@ SMALL = {
     "verify": ["--precision=20"],
 }
 # Pages whose commands take more than three seconds.
-SLOW = ("labels", "light")
+SLOW = ("dark", "labels", "light", "microscopy")
 
 
 def _runs(page: Path) -> Any:

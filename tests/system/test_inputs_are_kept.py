@@ -214,6 +214,7 @@ def test_a_json_file_of_another_program(capsys) -> None:
     assert main.run(["render", "scene.yaml", "--quiet", "--force"]) == 0
 
 
+@pytest.mark.slow
 def test_pages_of_somebody_else(capsys) -> None:
     """Pages of hsplat are replaced."""
     scene_of(None)

@@ -107,6 +107,7 @@ def started(output: str, *options: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.slow
 def test_jobs_with_different_frames_of_one_output() -> None:
     """As in a job array: they work at the same time, and all frames are there in the end."""
     assert main.run(arguments("expected/{frame}.png", "--set", "camera.path.frames=20", "--quiet")) == 0

@@ -178,6 +178,7 @@ def test_a_quick_study_chooses_frames_and_tolerances_as_a_whole_one(monkeypatch:
     assert 0.1 in tolerances and 0 in tolerances and len(tolerances) > 4
 
 
+@pytest.mark.slow
 def test_the_line_for_the_scene_file_reaches_the_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     few = ("--set", "camera.path.frames=4")
     measure("--want", "flip=0.14", "--set", "splat.footprint=gaussian", *few)

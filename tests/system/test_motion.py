@@ -68,6 +68,7 @@ def test_each_frame_is_that_of_a_still_scene(name: str, folder: Path) -> None:
         assert (folder / "still.png").read_bytes() == (folder / "film" / f"{frame}.png").read_bytes(), frame
 
 
+@pytest.mark.slow
 def test_however_it_is_made(folder: Path, scheduler: str) -> None:
     """In parts, on a cluster, and again from its sidecar."""
     changes = [*MOTIONS["a transfer function"], *MOTIONS["a plane"], *MOTIONS["a camera"]]
@@ -107,6 +108,7 @@ def test_what_is_visible_does_not_jump(folder: Path) -> None:
     assert stays[LAST] != follows[LAST]
 
 
+@pytest.mark.slow
 def test_goals_hold_in_motion(folder: Path) -> None:
     _, told = film(folder / "film", *MOTIONS["a transfer function"], "error={psnr: 40, probes: 16}")
     assert told["schedule"]["met"] and told["accuracy"]["psnr"] > 38

@@ -214,6 +214,7 @@ def test_goldens_without_a_scene_are_a_failure_beside_the_other_tests(scenes: Pa
     assert "no scene has these goldens" in printed and "`git rm -r all/scenes/box`" in printed
 
 
+@pytest.mark.slow
 def test_pictures_of_a_report_are_accepted(scenes: Path) -> None:
     """All reports below the folder, or a ZIP archive of it; then the tests pass."""
     edit_scene()

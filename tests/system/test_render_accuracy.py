@@ -112,6 +112,7 @@ def test_tolerances_of_bricks_vary_along_the_film_and_are_made_again(scheduler: 
     assert Path("again.mp4").read_bytes() == film
 
 
+@pytest.mark.slow
 def test_a_film_that_misses_the_accuracy_says_so(monkeypatch, capsys) -> None:
     """Its own rays notice what the trial pictures did not."""
 

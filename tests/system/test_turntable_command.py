@@ -148,6 +148,7 @@ def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted() -> None:
     assert files("out") == []
 
 
+@pytest.mark.slow
 def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     """Sizes and times of files tell that it is; where they do not, its process looks whether it is."""
     volumes, started = ["in/uint8.npy", "in/signed.npy"], list[str]()

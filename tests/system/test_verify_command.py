@@ -104,6 +104,7 @@ def test_the_result_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert not printed["is_precise"] or accuracy["interval"][1] - accuracy["interval"][0] <= 1.0
 
 
+@pytest.mark.slow
 def test_rays_are_added_until_the_film_is_known_well_enough(capsys: pytest.CaptureFixture[str]) -> None:
     rays = []
     for precision in ("30", "0.5", "0.01"):
@@ -150,6 +151,7 @@ def test_a_film_of_another_length_or_size(capsys: pytest.CaptureFixture[str]) ->
 # Other pictures
 
 
+@pytest.mark.slow
 def test_pictures_that_were_swapped(capsys: pytest.CaptureFixture[str]) -> None:
     """By their digests and, where these were swapped, too, by rays."""
     swap_frames(2, 6, with_digests=False)

@@ -124,6 +124,7 @@ def test_blocks_take_the_room_of_their_chunks(store: Path, tmp_path: Path) -> No
     assert 512 * file.stat().st_blocks <= most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("store", [False], indirect=True)
 def test_a_damaged_part_is_read_again(store: Path, tmp_path: Path) -> None:
     plain = chosen(scene_of(store, -50))

@@ -342,6 +342,7 @@ def test_a_file_that_has_just_changed_is_not_trusted(tmp_path: Path) -> None:
     assert kinds_in(cache) == {"bricks", "ranges"}  # found by the voxels themselves, which are read again
 
 
+@pytest.mark.slow
 def test_damaged_entries_are_made_again(tmp_path: Path) -> None:
     tree, cache = scene_of(tmp_path, ball("uint8"), "occluded"), tmp_path / "cache"
     plain = picture(tree, cache)

@@ -181,6 +181,7 @@ def test_a_killed_process_loses_no_piece(large: ServedFolder, tmp_path: Path) ->
     assert _asked(large) == []
 
 
+@pytest.mark.slow
 def test_a_killed_process_loses_no_block(large: ServedFolder, tmp_path: Path) -> None:
     """Blocks by which levels are compared are pieces, too. A power failure has left zeros in one of them."""
     left = _kill_at("0/0/1", 11, large, tmp_path, "in blocks")

@@ -294,6 +294,7 @@ def test_opacities_are_of_the_finest_level(tmp_path: Path) -> None:
     np.testing.assert_allclose(*pictures, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_check_the_terminal_and_the_sidecar_say_it(tmp_path: Path) -> None:
     """In the child process that reads stores, from the command to the record, and from the record again."""
     write_store(tmp_path / "a", smooth(), 16)

@@ -133,6 +133,7 @@ def _read_soon(
     return [*zip(_STALLED, servers, shown, strict=True)]
 
 
+@pytest.mark.slow
 def test_a_server_that_stalls_is_asked_again(tmp_path: Path) -> None:
     for name, server, shown in _read_soon(tmp_path, 1):
         assert shown == f"{FIELD[5:7, 5:7, 5:7].sum()}\n"
