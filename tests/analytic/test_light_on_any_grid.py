@@ -82,7 +82,10 @@ def masked(own: Volume, affine: Float64) -> Volume:
         ),
         pytest.param([GLASS], [masked(volume(blobs()), np.diag([2.0, 2, 2, 1]))], 0.03, {}, id="masked"),
         pytest.param([GLASS, GLASS], [volume(blobs()), volume(blobs(2), FAR)], 0.1, {}, id="far apart"),
-        pytest.param([OPAQUE, GLASS], [volume(blobs()), volume(blobs(2), FINE)], 0.2, {}, id="four times finer", marks=pytest.mark.slow),
+        pytest.param(
+            [OPAQUE, GLASS], [volume(blobs()), volume(blobs(2), FINE)], 0.2, {}, id="four times finer",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             [{"labels": {"colors": {1: "white", 2: "#d06030", 3: "#3060d0"}, "opacity": 1, "show": [1, 2, 3]}}],
             ball_of_labels(), 0.25, {}, id="opaque labels",
