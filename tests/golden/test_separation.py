@@ -95,6 +95,7 @@ def rows_of(change: Change, shots: list[Shot]) -> list[Measured]:
     return [row for shot in shots if (row := measured(shot, change)) is not None]
 
 
+@pytest.mark.slow
 @each_primitive
 @pytest.mark.parametrize("defect", DEFECTS, ids=str)
 def test_every_defect_is_found(defect: Change, primitive: str, shots: dict[str, list[Shot]]) -> None:

@@ -62,6 +62,7 @@ def test_a_still_is_a_picture_and_has_no_frames(capsys: pytest.CaptureFixture[st
     assert "chosen for at most 500 cells)" in methods and "frame" not in methods
 
 
+@pytest.mark.slow
 def test_a_film_in_scattered_light_states_its_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     text = re.sub(r"shading: .*\n", "light: {key: {}}\n", Path("scene.yaml").read_text("utf-8"))
     Path("scene.yaml").write_text(text.replace("film.mp4", "light.mp4"), encoding="utf-8")

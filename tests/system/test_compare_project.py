@@ -106,6 +106,7 @@ def test_the_limit_decides(limit: str, code: int) -> None:
     assert compare("scenes/engine.yaml", "--limit", limit) == code
 
 
+@pytest.mark.slow
 def test_stated_accuracies_allow_another_tolerance_and_no_other_look() -> None:
     """Both state theirs by exact rays through most of the pixels."""
     edit_scene("probes: 16", "probes: 900")
@@ -333,6 +334,7 @@ def test_rules_of_a_project_file() -> None:
     assert compare("scenes/engine.yaml") == 0
 
 
+@pytest.mark.slow
 def test_frames_of_a_project_file_without_goldens_are_drawn_and_can_be_accepted() -> None:
     assert golden("scenes", "--update", "--yes", "--frames", "::2", "--prune") == 0
     Path("golden.yaml").write_text("scenes: [scenes/*.yaml]\ngoldens: scenes/goldens\nframes: '::1'\n")
@@ -383,6 +385,7 @@ def test_a_sidecar_is_a_scene() -> None:
     assert (code, statuses(films["film.mp4"])) == (0, ["same"] * 4)
 
 
+@pytest.mark.slow
 def test_goldens_of_several_machines_and_one_that_nothing_matches_any_more(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

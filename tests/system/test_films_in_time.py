@@ -146,6 +146,7 @@ def test_labels_of_all_steps() -> None:
     assert told("mask")["scene"]["mask"]["show"] == [1, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["volume.time.easing=in", "volume.time={0: 0, 3: 3}", "volume.interpolate=true"])
 def test_other_steps_are_another_film(change: str) -> None:
     """Also where the same ones are read."""

@@ -29,6 +29,7 @@ def references(text: str) -> set[str]:
     return {unquote(each) for each in page.values("href") + re.findall(r"url\(([^)]*)\)", text)}
 
 
+@pytest.mark.slow
 def test_a_batch_with_a_failure_and_a_hostile_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another run, which makes nothing, leaves all files as they are."""
     monkeypatch.chdir(tmp_path)

@@ -251,7 +251,8 @@ def test_it_does_not_depend_on_threads() -> None:
     assert one == three and one
 
 
-@pytest.mark.parametrize("name", [pytest.param("a fog", marks=pytest.mark.slow), "opacities that change few pixels"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["a fog", "opacities that change few pixels"])
 def test_commands_tell_it(name: str) -> None:
     opacity, (word,) = LOOKS[name]
     Path("scene.yaml").write_text(yaml.safe_dump(scene_of(opacity, error={"probes": 16})))

@@ -92,6 +92,7 @@ def without_seconds(data: Any) -> Any:
     return [without_seconds(item) for item in data] if isinstance(data, list) else data
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("footprint", "error"), SCENES)
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_files_and_sidecars_are_the_same(output: str, footprint: str | None, error: str | None) -> None:

@@ -82,13 +82,14 @@ print(num_killed)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "outputs",
     [
         ["film.mp4"],
-        pytest.param(["{frame}.png"], marks=pytest.mark.slow),
-        pytest.param(["film.mp4", "film.gif", "{frame}.png", "far/still.png"], marks=pytest.mark.slow),
-        pytest.param(["{frame}.png", "film.webm", "far/small-{frame}.png"], marks=pytest.mark.slow),
+        ["{frame}.png"],
+        ["film.mp4", "film.gif", "{frame}.png", "far/still.png"],
+        ["{frame}.png", "film.webm", "far/small-{frame}.png"],
     ],
 )
 def test_killed_at_any_operation_on_a_file(outputs: list[str]) -> None:

@@ -37,6 +37,7 @@ def points_of_preset(file: Path, name: str, shift: float) -> Float64:
     return np.column_stack([at + shift, *columns, np.interp(at, opacity[:, 0], opacity[:, 1])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["CT-Bone", "CT-Muscle"])
 def test_vtk_draws_the_preset_as_hsplat_draws_its_import(name: str, data_dir: Path, monkeypatch) -> None:
     presets = data_dir / "transfer_functions/slicer_presets.xml"

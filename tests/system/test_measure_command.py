@@ -33,6 +33,7 @@ def rows(folder: str = "scene.measured") -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
     lists = ("--tolerances", "1,0.5", "--footprints", "gaussian,gouraud:6x2", "--measures", "rms:scalar")
     measure(*FEW, *lists, "--output", "out")

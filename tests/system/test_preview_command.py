@@ -63,6 +63,7 @@ def picture_of(text: str, caption: str) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(base64.b64decode(found[1]))), np.float64)
 
 
+@pytest.mark.slow
 def test_a_scene_and_the_lines_of_its_variants() -> None:
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
     text, tree = page_of("scene.yaml"), yaml.safe_load(SCENE)

@@ -160,6 +160,7 @@ def test_the_fixture_compares_as_the_command_does(pictures: Path) -> None:
     assert (pictures / "report/index.html").stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_each_scene_is_a_test_of_its_own(scenes: Path) -> None:
     code, printed = run_pytest(scenes)
     assert code == 0

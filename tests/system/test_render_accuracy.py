@@ -76,6 +76,7 @@ def test_the_whole_film_has_the_accuracy(
     assert measured["worst"] == pytest.approx(tried[measured["frame"]], rel=0.04 if metric == "psnr" else 0.2)
 
 
+@pytest.mark.slow
 def test_a_search_is_printed_and_recorded(capsys: pytest.CaptureFixture[str]) -> None:
     """The film equals one at the tolerance that was found, though the pyramid for the search holds more."""
     render("--output", "found/{frame}.png")
@@ -138,6 +139,7 @@ def test_measure_finds_a_tolerance_for_the_same(capsys: pytest.CaptureFixture[st
     assert 0.3 < sidecar()["scene"]["error"]["tolerance"] / line["tolerance"] < 1.3
 
 
+@pytest.mark.slow
 def test_a_film_beyond_full_resolution_is_whole(capsys: pytest.CaptureFixture[str]) -> None:
     """Whole, with every voxel; only the exit code, a note and the record of it depend on what was asked for."""
     render("--quiet", *BEYOND, code=1)

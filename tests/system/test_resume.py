@@ -232,6 +232,7 @@ EDITS: list[Callable[[dict[str, Any]], Any]] = [
 GARBAGE = [b"\0\xff", b"[" * 100_000, b"7", b"9" * 5000]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("output", "edits"), [("{frame}.png", EDITS), ("film.mp4", [EDITS[0], EDITS[-1], *GARBAGE])])
 def test_a_sidecar_that_somebody_changed(output: str, edits: list[Any], draws: Draws) -> None:
     render(output)
@@ -321,6 +322,7 @@ def test_a_part_of_a_film_whose_goal_was_one_of_the_whole(draws: Draws, capsys: 
     assert draws.take_numbers() == [1, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "goal"), [("version", GOALS[0]), ("tolerance", GOALS[1]), ("sources", GOALS[0]), ("driver", GOALS[2])]
 )

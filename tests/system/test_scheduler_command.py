@@ -42,6 +42,7 @@ def rendering(scheduler: str) -> Iterator[subprocess.Popen[str]]:
         yield job
 
 
+@pytest.mark.slow
 def test_the_same_film(scheduler: str, film_of_one_process: bytes) -> None:
     assert main.run(["render", "scene.yaml", "--scheduler", scheduler, "--quiet"]) == 0
     assert Path("film.mp4").read_bytes() == film_of_one_process

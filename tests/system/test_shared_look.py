@@ -54,6 +54,7 @@ def pixels(file: str) -> Any:
     return np.asarray(Image.open(file)).astype(int)
 
 
+@pytest.mark.slow
 def test_percentiles_give_volumes_of_any_scale_one_look(capfd: pytest.CaptureFixture[str]) -> None:
     """Files of the look are the same for the scenes, which are replaced unless they were edited."""
     assert turntable("in", "--scene", "looks/look.yaml", "-o", "out/films") == 2

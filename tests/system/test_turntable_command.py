@@ -284,6 +284,7 @@ def test_one_process_makes_films_of_large_volumes(processes, volume, patched, va
     assert processes == ["2"]
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_all_films_that_are_made() -> None:
     """Two processes make films of four volumes, and remove what is unfinished."""
     Path("in/c.npy").write_bytes(Path("in/signed.npy").read_bytes())
@@ -360,6 +361,7 @@ def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     assert [record["status"] for record in report()] == ["begun"] * 2
 
 
+@pytest.mark.slow
 def test_a_bad_input_fails_alone(capsys: pytest.CaptureFixture[str]) -> None:
     """Also one that is opened to find out which files are its steps, and files of frames side by side."""
     Path("in/bad.pvd").write_text("<VTKFile", encoding="ascii")

@@ -271,6 +271,7 @@ def best_psnr(scene: Scene, volume: Volume) -> dict[str, float]:
 COLORED = [{"value": 20, "color": "navy"}, {"value": 120, "color": "red"}, {"value": 230, "color": "white"}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sections", "gpu", "fixed_point"),
     [

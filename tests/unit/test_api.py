@@ -61,6 +61,7 @@ def test_functions_that_suggest_a_scene_take_its_parameters(name: str, monkeypat
     assert all(options.items() >= suggested.items() for options in given)
 
 
+@pytest.mark.slow
 def test_a_volume_and_its_parameters_are_as_the_scene_that_they_suggest(folder: Path) -> None:
     options: dict[str, Any] = {
         "spacing": (1, 1, 2),

@@ -50,6 +50,7 @@ def found(locale: str, names: list[bytes]) -> list[str]:
     return child.stdout.splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("locale", LOCALES)
 def test_names_of_any_bytes_are_read_in_any_locale(folder: Path, locale: str) -> None:
     """Names in UTF-8 of files and of their folder, and others."""

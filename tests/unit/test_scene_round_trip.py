@@ -272,6 +272,7 @@ JUNK: list[Any] = [
 KEYS = ["x", 0, None, True, "fram", "axi", "points", "colormap", "raw", "\x1b", "a.b", 9**5000]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_spoilt_data_are_refused_or_make_a_scene(name: str) -> None:
     choose = random.Random(1)

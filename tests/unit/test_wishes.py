@@ -36,6 +36,7 @@ def test_help_names_all_words() -> None:
     assert (*WISHES, "labels") == PRESET_WORDS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", WISHES)
 @pytest.mark.parametrize("name", ["head as uint16", "magnetic resonance", "uint8", "dark object", "signed", "phases"])
 def test_every_word_shows_something_of_every_volume(word: str, name: str) -> None:
