@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from renderer.accuracy import finer_drawing, finer_than_kept
+from renderer.accuracy import MOST_DB, finer_drawing, finer_than_kept
 from renderer.record.film_record import FileAccuracy, FilmRecord
 from renderer.scene import FilmScene, OutputFile
 
@@ -12,11 +12,12 @@ from renderer.scene import FilmScene, OutputFile
 def limit_notes(scene: FilmScene, record: FilmRecord) -> Iterator[str]:
     """Yield a sentence that says what limits the accuracy of an encoded film: drawing or the encoder.
 
-    Yields another sentence before it if coarser frames would do, and nothing for numbered image files.
+    Yields another sentence before it if coarser frames would do, and nothing for numbered image files and for encoders
+    without a loss, such as that of APNG.
     scene: the scene of the film, with its goal.
     """
     accuracy = record.accuracy
-    if accuracy is None or accuracy.file is None:
+    if accuracy is None or accuracy.file is None or accuracy.file.psnr_of_encoding >= MOST_DB:
         return
     coarser = finer_than_kept(accuracy.interval[0], accuracy.file.psnr_of_encoding)
     if coarser is not None:

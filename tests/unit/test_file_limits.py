@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from small_scene import small_tree
 
-from renderer.accuracy import EncodingErrors, encoding_loss, finer_encoding, psnr, squared_error
+from renderer.accuracy import MOST_DB, EncodingErrors, encoding_loss, finer_encoding, psnr, squared_error
 from renderer.film import Picture, Pixels, open_films
 from renderer.job import try_finer_encoding
 from renderer.record import (
@@ -63,6 +63,10 @@ def notes(
     made = with_encoding_errors(accuracy(drawn), EncodingErrors(squared_error(kept)), 4, finer)
     record = replace(record, accuracy=made, schedule=replace(record.schedule, tolerance=tolerance))
     return [*limit_notes(parse_scene(small_tree(**scene), base=Path()), record)]
+
+
+def test_an_encoder_without_a_loss_limits_nothing() -> None:
+    assert notes(46.0, MOST_DB) == []
 
 
 def test_the_encoder_limits_a_film() -> None:
